@@ -1,0 +1,96 @@
+"""A folder of interchangeable parts is its own registry.
+
+A family is a package such as ``psflut.psfs`` with one part a file; the part is the one public dataclass
+of that file and is named after it. Its fields are its settings. A new file is a new part: nothing is
+listed anywhere, and nothing is imported until it is asked for.
+"""
+
+import dataclasses
+import importlib
+import inspect
+import pkgutil
+from collections.abc import Mapping
+from functools import cache
+from typing import Any
+
+from psflut.errors import PsflutError
+
+
+@cache
+def names(family: str) -> tuple[str, ...]:
+    """Names of the parts in the package `family`, without importing them."""
+    package = importlib.import_module(family)
+    return tuple(sorted(m.name for m in pkgutil.iter_modules(package.__path__) if not m.name.startswith("_")))
+
+
+def load(family: str, name: str) -> type[Any]:
+    """The class of the part `name`.
+
+    Raises
+    ------
+    PsflutError
+        If the family has no such part; the sentence lists those it has.
+    """
+    if name not in names(family):
+        kind = family.rsplit(".", 1)[-1]
+        raise PsflutError(f"unknown name {name!r} among the {kind}; choose one of {', '.join(names(family))}")
+    module = importlib.import_module(f"{family}.{name}")
+    (part,) = (
+        thing
+        for label, thing in vars(module).items()
+        if inspect.isclass(thing) and thing.__module__ == module.__name__ and not label.startswith("_")
+        if dataclasses.is_dataclass(thing)
+    )
+    return part
+
+
+def make(family: str, name: str, settings: Mapping[str, Any]) -> Any:
+    """The part `name` with its settings checked and converted to the types of its fields.
+
+    Raises
+    ------
+    PsflutError
+        For a setting that the part does not have, or a value that does not fit.
+    """
+    from pydantic import TypeAdapter, ValidationError
+
+    part = load(family, name)
+    fields = [field.name for field in dataclasses.fields(part)]
+    for key in settings:
+        if key not in fields:
+            raise PsflutError(f"{name} has no setting {key!r}; it has {', '.join(fields) or 'none'}")
+    try:
+        return TypeAdapter(part).validate_python(dict(settings))
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(step) for step in first["loc"])
+        reason = first["msg"].removeprefix("Value error, ")
+        raise PsflutError(f"{name}: {where + ': ' if where else ''}{reason}, got {first['input']!r}") from error
+
+
+def parse(family: str, text: str) -> Any:
+    """The part that text such as ``laplacian:0.5`` or ``golden_section:start=table`` describes.
+
+    Settings follow the name after colons, as ``key=value`` or, in the order of the fields, as bare values.
+    """
+    name, *words = text.strip().split(":")
+    fields = [field.name for field in dataclasses.fields(load(family, name))]
+    settings: dict[str, str] = {}
+    for position, word in enumerate(words):
+        key, equals, value = word.partition("=")
+        if not equals:
+            if position >= len(fields):
+                raise PsflutError(f"{name} has {len(fields)} settings, got {len(words)} in {text!r}")
+            key, value = fields[position], word
+        settings[key] = value
+    return make(family, name, settings)
+
+
+def describe(part: Any) -> str:
+    """The text that `parse` reads back: the part's name and those settings that are not the default."""
+    words = [type(part).__module__.rsplit(".", 1)[-1]]
+    for field in dataclasses.fields(part):
+        value = getattr(part, field.name)
+        if value != field.default:
+            words.append(f"{field.name}={str(value).lower() if isinstance(value, bool) else value}")
+    return ":".join(words)

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
-from psflut.errors import PsflutError
+from psflut.errors import PsflutError, refusal
 
 
 @cache
@@ -62,10 +62,7 @@ def make(family: str, name: str, settings: Mapping[str, Any]) -> Any:
     try:
         return TypeAdapter(part).validate_python(dict(settings))
     except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(step) for step in first["loc"])
-        reason = first["msg"].removeprefix("Value error, ")
-        raise PsflutError(f"{name}: {where + ': ' if where else ''}{reason}, got {first['input']!r}") from error
+        raise refusal(name, error) from error
 
 
 def parse(family: str, text: str) -> Any:

@@ -1,0 +1,80 @@
+"""Camera files: TOML with lengths as text with a unit."""
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from psflut.errors import PsflutError, refusal
+from psflut.optics import Camera
+from psflut.units import Length
+
+
+class CameraSettings(BaseModel):
+    """The ``[camera]`` of a camera file or recipe."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    focal_length: Length
+    pixel_pitch: Length
+    aperture_diameter: Length | None = None
+    f_number: float | None = None
+    focus_distance: Length | None = None
+    detector_distance: Length | None = None
+    wavelength: Length = 550e-9
+
+    def camera(self) -> Camera:
+        """The camera, from whichever of the alternative keys is given."""
+        if (self.aperture_diameter is None) == (self.f_number is None):
+            raise PsflutError("a camera has either aperture_diameter or f_number; give one of them")
+        if (self.focus_distance is None) == (self.detector_distance is None):
+            raise PsflutError("a camera has either focus_distance or detector_distance; give one of them")
+        diameter = self.aperture_diameter
+        if diameter is None:
+            assert self.f_number is not None
+            if not self.f_number > 0:
+                raise PsflutError(f"f_number must be positive, got {self.f_number}")
+            diameter = self.focal_length / self.f_number
+        if self.focus_distance is not None:
+            return Camera.focused_at(
+                self.focus_distance,
+                focal_length=self.focal_length,
+                aperture_diameter=diameter,
+                pixel_pitch=self.pixel_pitch,
+                wavelength=self.wavelength,
+            )
+        assert self.detector_distance is not None
+        return Camera(self.focal_length, diameter, self.detector_distance, self.pixel_pitch, self.wavelength)
+
+
+class CameraFile(BaseModel):
+    """A whole camera file."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    camera: CameraSettings
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """The contents of a TOML file, or one sentence about what is wrong with it."""
+    if not path.is_file():
+        raise PsflutError(f"no file at {path}; check the path")
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise PsflutError(f"{path} is not valid TOML: {error}") from error
+
+
+def read_camera(path: Path) -> Camera:
+    """The camera that a TOML file describes.
+
+    Raises
+    ------
+    PsflutError
+        For a missing file, an unknown or missing key, a length without a unit, or an impossible camera.
+    """
+    try:
+        return CameraFile.model_validate(read_toml(path)).camera.camera()
+    except ValidationError as error:
+        raise refusal(str(path), error) from error

@@ -1,0 +1,144 @@
+"""The one forward model (thesis 4.1.1): a scene at a distance becomes a noisy capture.
+
+    g = L * (h(z) * f + shot) + read
+
+L is the imager, h the PSF, f the scene. With ``normalise`` the thesis' set-up is followed: its f_Laplacian = L * f
+is scaled by its own minimum and maximum to [0, 1]; as h sums to 1, scaling before the blur or after it is the same.
+
+The border rule: the scene is continued by mirroring (the border pixel repeats: d c b a | a b c d), once and far
+enough for h and L together, and everything is cropped to the scene's own shape at the end. Nothing is clipped.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal
+
+from psflut import family
+from psflut.errors import PsflutError
+from psflut.imagers import Imager
+from psflut.noise import Noise
+from psflut.optics import Camera
+from psflut.table import PSFTable
+
+Floats = NDArray[np.floating]
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What a set-up fixes of its captures: the ``[capture]`` of a recipe.
+
+    Parameters
+    ----------
+    imager : str
+        Name and settings, as `family.parse` reads them.
+    normalise : bool
+        Scale by the minimum and maximum of the ideal image to [0, 1] (thesis, chapter 5).
+    noise : str or None
+        As `noise.parse_noise` reads it.
+    bits : int or None
+        Quantisation to 2^bits levels between 0 and 1; None leaves it out.
+    """
+
+    imager: str = "plain"
+    normalise: bool = False
+    noise: str | None = None
+    bits: int | None = None
+
+    def __post_init__(self) -> None:
+        family.parse("psflut.imagers", self.imager)
+        if self.bits is not None and not 1 <= self.bits <= 32:
+            raise PsflutError(f"bits must be between 1 and 32, got {self.bits}")
+
+
+def ideal_image(scene: Floats, imager: Imager, normalise: bool = False) -> Floats:
+    """What the imager records without blur and noise: the thesis' f_Laplacian. Same shape as the scene."""
+    low, high = _range(scene, imager) if normalise else (0.0, 1.0)
+    return np.asarray((imager.response(scene) - low) / (high - low))
+
+
+def capture(
+    scene: Floats,
+    psf: Floats,
+    noise: Noise | None,
+    rng: np.random.Generator,
+    *,
+    imager: Imager,
+    normalise: bool = False,
+    bits: int | None = None,
+) -> NDArray[np.float64]:
+    """A capture of `scene` through `psf`; the module's docstring is the model.
+
+    Parameters
+    ----------
+    scene : (H, W) array
+        Linear intensity, full scale 1.
+    psf : (K, K) array
+        K odd, at most as large as the scene.
+    noise : Noise or None
+        Photon noise (Poisson of the blurred scene) is drawn before the imager and filtered by it; read noise
+        after imager and normalisation, so that its sigma is in units of the image returned.
+    bits : int or None
+        Rounds to 2^bits levels, saturating at 0 and 1 as a converter does; refused for signed output.
+
+    Returns
+    -------
+    (H, W) array
+    """
+    if min(scene.shape) < max(psf.shape):
+        raise PsflutError(f"a scene of {scene.shape} is smaller than its PSF of {psf.shape}; give a larger one")
+    low, high = _range(scene, imager) if normalise else (0.0, 1.0)
+    kernel = imager.kernel()
+    margin = psf.shape[0] // 2 + kernel.shape[0] // 2
+    sensor = signal.oaconvolve(np.pad(scene, margin, mode="symmetric"), psf, mode="valid")
+    if noise is not None and noise.gain is not None:
+        sensor = rng.poisson(np.maximum(sensor, 0.0) * noise.gain) / noise.gain
+    image = signal.oaconvolve(sensor, kernel, mode="valid") if kernel.size > 1 else sensor * kernel
+    image = (image - low) / (high - low)
+    if noise is not None:
+        image = image + noise.offset + noise.read * rng.standard_normal(image.shape)
+    return np.asarray(image if bits is None else _quantise(image, bits, imager.signed and not normalise))
+
+
+def psf_of(source: Camera | PSFTable, distance: float) -> Floats:
+    """The PSF of an object at `distance` (metres) as a capture needs it.
+
+    A table built from a recipe gives that recipe's model at the very distance, so that a capture never comes
+    from the table that will judge it; a measured table gives its own planes, interpolated. A bare camera
+    gives the pupil model without aberration, in a window large enough for its blur.
+    """
+    if isinstance(source, Camera):
+        from psflut.optics import blur_radius
+
+        radius = abs(float(blur_radius(source, distance))) / source.pixel_pitch
+        size = 2 * int(np.ceil(1.5 * radius)) + 15
+        return np.asarray(family.make("psflut.psfs", "pupil", {})(source, distance, size))
+    planes = source.at(distance)  # refuses a distance outside the table
+    model = source.provenance.get("model")
+    if model is None or source.camera is None:
+        return planes
+    part = family.make("psflut.psfs", model, source.provenance["settings"])
+    return np.asarray(part(source.camera, distance, source.size))
+
+
+def setup_of(provenance: Mapping[str, Any]) -> Setup:
+    """The ``[capture]`` of the recipe that a table came from, or the default."""
+    return Setup(**provenance.get("capture", {}))
+
+
+def _range(scene: Floats, imager: Imager) -> tuple[float, float]:
+    sharp = imager.response(scene)
+    low, high = float(sharp.min()), float(sharp.max())
+    if not high > low:
+        raise PsflutError("a scene without any contrast cannot be normalised; give one with texture")
+    return low, high
+
+
+def _quantise(image: Floats, bits: int, signed: bool) -> Floats:
+    if signed:
+        raise PsflutError("quantisation needs values between 0 and 1, but this imager is signed; normalise it")
+    levels = 2**bits - 1
+    return np.round(np.clip(image, 0.0, 1.0) * levels) / levels

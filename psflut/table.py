@@ -1,0 +1,160 @@
+"""The table of point spread functions against distance: what calibration and estimation share.
+
+This file is the table in memory; `psflut.store` reads and writes it.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import fft
+from scipy.interpolate import CubicSpline
+
+from psflut.errors import PsflutError
+from psflut.noise import Noise
+from psflut.optics import Camera
+from psflut.units import format_length
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class PSFTable:
+    """Point spread functions at known distances.
+
+    Between its planes the PSF follows a cubic spline in vergence (1 / distance), in which blur is nearly
+    linear, or in the coordinate itself on a stage axis; the result is clipped at zero and given sum 1.
+    Compared on a table of an f/2 lens with steps of 0.2 pixel in blur radius, between planes: linear
+    interpolation errs by up to LINEAR of the peak, the cubic spline by CUBIC.
+
+    Parameters
+    ----------
+    axis : (N,) array
+        Object distances, positive, or stage coordinates; ascending, in metres; N >= 3.
+    psf : (N, K, K) array
+        One plane a distance, indexed [y, x]; non-negative, sum 1, centred on K // 2; K odd.
+    pixel_pitch : float
+        In metres on the detector.
+    kind : "distance" or "stage"
+        What the axis is.
+    camera : Camera or None
+        Where it is known.
+    imager, noise
+        What the captures of this set-up went through, `family.parse` text and `Noise` or None.
+    psf_std, axis_std : arrays or None
+        Standard errors of `psf` and of `axis` (metres), of the same shapes.
+    provenance, check : mappings
+        What made the table, and its held-out error; plain JSON.
+
+    Raises
+    ------
+    PsflutError
+        Where any of this does not hold.
+    """
+
+    axis: Floats
+    psf: Floats
+    pixel_pitch: float
+    kind: Literal["distance", "stage"] = "distance"
+    camera: Camera | None = None
+    imager: str = "plain"
+    noise: Noise | None = None
+    psf_std: Floats | None = None
+    axis_std: Floats | None = None
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+    check: Mapping[str, Any] | None = None
+
+    def __post_init__(self) -> None:
+        count, size = len(self.axis), self.psf.shape[-1]
+        if self.kind not in ("distance", "stage"):
+            raise PsflutError(f"the axis of a table is 'distance' or 'stage', got {self.kind!r}")
+        if count < 3 or self.psf.shape != (count, size, size) or size % 2 == 0:
+            raise PsflutError(
+                f"a table has 3 or more planes of odd, square size, got {count} positions and PSFs of shape "
+                f"{self.psf.shape}"
+            )
+        for name, array in (("axis", self.axis), ("psf", self.psf)):
+            if not np.all(np.isfinite(array)):
+                raise PsflutError(f"the table's {name} holds values that are not finite; build it again")
+        if np.any(np.diff(self.axis) <= 0) or (self.kind == "distance" and self.axis[0] <= 0):
+            raise PsflutError("the positions of a table must ascend without repeats, and distances be positive")
+        if self.psf.min() < 0 or np.any(np.abs(self.psf.sum(axis=(1, 2)) - 1) > 1e-5):
+            raise PsflutError("every PSF of a table must be non-negative and sum to 1; normalise it")
+        for array, like in ((self.psf_std, self.psf), (self.axis_std, self.axis)):
+            if array is not None and (array.shape != like.shape or not np.all(array >= 0)):
+                raise PsflutError("standard errors of a table must be non-negative and shaped like their values")
+        if not (np.isfinite(self.pixel_pitch) and self.pixel_pitch > 0):
+            raise PsflutError(f"pixel_pitch must be a positive length, got {self.pixel_pitch} m")
+
+    @property
+    def size(self) -> int:
+        """Side K of a PSF, in pixels."""
+        return int(self.psf.shape[-1])
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """First and last position, in metres."""
+        return float(self.axis[0]), float(self.axis[-1])
+
+    def even(self, position: ArrayLike) -> Floats:
+        """The coordinate in which the table is interpolated and the prior is flat: 1 / distance (1/m), or
+        the stage coordinate itself (m)."""
+        values = np.asarray(position, dtype=float)
+        return 1.0 / values if self.kind == "distance" else values
+
+    def position(self, even: ArrayLike) -> Floats:
+        """The inverse of `even`, in metres."""
+        return self.even(even)
+
+    def candidates(self, count: int) -> Floats:
+        """`count` positions over the span, spaced evenly in the interpolation coordinate; ascending, metres."""
+        first, last = self.even(self.span)
+        spread = self.position(np.linspace(first, last, count))
+        spread[[0, -1]] = self.span  # exactly, whatever 1 / (1 / z) rounds to
+        return spread
+
+    def at(self, position: ArrayLike) -> Floats:
+        """PSFs at positions within the span (metres): shape (..., K, K), non-negative, sum 1."""
+        values = self._inside(position)
+        planes = np.maximum(self._spline(self.even(values)), 0.0)
+        return np.asarray(planes / planes.sum(axis=(-2, -1), keepdims=True))
+
+    def derivative(self, position: ArrayLike) -> Floats:
+        """d PSF / d position, per metre, of the spline before clipping: shape (..., K, K)."""
+        values = self._inside(position)
+        slope = self._spline(self.even(values), 1)
+        chain = -1.0 / values**2 if self.kind == "distance" else np.ones_like(values)
+        return np.asarray(slope * chain[..., None, None])
+
+    def otf(self, shape: tuple[int, int], position: ArrayLike) -> NDArray[np.complexfloating]:
+        """Optical transfer functions on the grid of ``rfft2`` of an image of that shape, centre at pixel 0."""
+        planes = self.at(position)
+        if min(shape) < self.size:
+            raise PsflutError(f"an image of {shape} is smaller than the table's PSF ({self.size} pixels)")
+        padded = np.zeros((*planes.shape[:-2], *shape), dtype=planes.dtype)
+        padded[..., : self.size, : self.size] = planes
+        centred = np.roll(padded, (-(self.size // 2), -(self.size // 2)), axis=(-2, -1))
+        return np.asarray(fft.rfft2(centred))
+
+    def power(self, shape: tuple[int, int], position: ArrayLike) -> Floats:
+        """Squared modulus of `otf`: what the optics leave of the power of each spatial frequency."""
+        return np.asarray(np.abs(self.otf(shape, position)) ** 2)
+
+    @cached_property
+    def _spline(self) -> CubicSpline:
+        order = np.argsort(self.even(self.axis))
+        return CubicSpline(self.even(self.axis)[order], self.psf[order], axis=0)
+
+    def _inside(self, position: ArrayLike) -> Floats:
+        values = np.asarray(position, dtype=float)
+        first, last = self.span
+        if not np.all((values >= first) & (values <= last)):
+            outside = values[~((values >= first) & (values <= last))].flat[0]
+            raise PsflutError(
+                f"{self.kind} {format_length(outside)} is outside the table, which runs from "
+                f"{format_length(first)} to {format_length(last)}"
+            )
+        return values

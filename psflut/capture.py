@@ -41,12 +41,16 @@ class Setup:
         As `noise.parse_noise` reads it.
     bits : int or None
         Quantisation to 2^bits levels between 0 and 1; None leaves it out.
+    filter_size : int or None
+        Side in pixels of the set-up's own blurring filter, from which blind deconvolution starts flat; None is
+        the table's size.
     """
 
     imager: str = "plain"
     normalise: bool = False
     noise: str | None = None
     bits: int | None = None
+    filter_size: int | None = None
 
     def __post_init__(self) -> None:
         family.parse("psflut.imagers", self.imager)

@@ -1,0 +1,119 @@
+"""A posterior density of distance on a grid: median, intervals, modes.
+
+The density lives in the coordinate in which the prior is flat (`PSFTable.even`: vergence, or the stage
+coordinate) and is handed out in metres.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import CubicSpline
+from scipy.signal import find_peaks
+
+Floats = NDArray[np.float64]
+
+FINE = 4096
+"""Nodes of the grid that integrals are taken on."""
+
+VALLEY, LOWEST_PEAK = 0.5, 1e-3
+"""A peak is a mode of its own if the density falls below half of it before a higher peak, and if it is not
+lower than a thousandth of the highest."""
+
+
+class Mode(NamedTuple):
+    """One peak of a posterior: its median (metres) and its probability."""
+
+    distance: float
+    weight: float
+
+
+@dataclass(frozen=True, eq=False)
+class Density:
+    """A density known by its logarithm at some nodes, a cubic spline between them.
+
+    Parameters
+    ----------
+    even : (M,) array
+        Nodes, in any order, in the coordinate of the flat prior.
+    log_density : (M,) array
+        Up to a constant.
+    position : callable
+        From that coordinate to metres.
+    """
+
+    even: Floats
+    log_density: Floats
+    position: Callable[[ArrayLike], Floats]
+
+    @cached_property
+    def nodes(self) -> Floats:
+        """(FINE,) ascending nodes in the even coordinate."""
+        return np.linspace(self.even.min(), self.even.max(), FINE)
+
+    @cached_property
+    def values(self) -> Floats:
+        """(FINE,) density at `nodes`, its largest value 1."""
+        order = np.argsort(self.even)
+        log = CubicSpline(self.even[order], self.log_density[order])(self.nodes)
+        return np.asarray(np.exp(log - log.max()))
+
+    @cached_property
+    def cumulative(self) -> Floats:
+        """(FINE,) probability below each node, by the trapezium rule."""
+        sums = np.concatenate([[0.0], np.cumsum(0.5 * (self.values[1:] + self.values[:-1]))])
+        return np.asarray(sums / sums[-1])
+
+    @property
+    def mean(self) -> float:
+        """Posterior mean, in the even coordinate."""
+        return float(np.average(self.nodes, weights=self.values))
+
+    def quantile(self, probability: ArrayLike) -> Floats:
+        """Even coordinates below which that probability lies."""
+        return np.interp(probability, self.cumulative, self.nodes)
+
+    def interval(self, level: float) -> tuple[float, float]:
+        """Equal-tailed credible interval, (near, far) in metres."""
+        return interval_of(self.position(self.quantile(tails(level))))
+
+    def sample(self, rng: np.random.Generator, count: int) -> Floats:
+        """Independent draws, in the even coordinate."""
+        return self.quantile(rng.random(count))
+
+    @cached_property
+    def borders(self) -> Floats:
+        """Even coordinates where one mode ends and the next begins, ascending, with both ends of the grid."""
+        padded = np.pad(self.values, 1)
+        peaks, found = find_peaks(padded, height=LOWEST_PEAK, prominence=0, plateau_size=1)
+        own = peaks[found["prominences"] >= (1 - VALLEY) * found["peak_heights"]] - 1
+        cuts = [a + int(np.argmin(self.values[a:b])) for a, b in zip(own[:-1], own[1:], strict=True)]
+        return self.nodes[[0, *cuts, -1]]
+
+    def modes(self) -> tuple[Mode, ...]:
+        """The modes, heaviest first."""
+        shares = np.interp(self.borders, self.nodes, self.cumulative)
+        medians = self.position(self.quantile(0.5 * (shares[1:] + shares[:-1])))
+        modes = [Mode(float(z), float(w)) for z, w in zip(medians, np.diff(shares), strict=True)]
+        return tuple(sorted(modes, key=lambda mode: -mode.weight))
+
+    def edge(self) -> str | None:
+        """"near" or "far" where the density is highest at that end of the grid, else None."""
+        peak = int(np.argmax(self.values))
+        if 0 < peak < FINE - 1:
+            return None
+        ends = self.position(self.nodes[[0, -1]])
+        return "near" if ends[0 if peak == 0 else 1] == ends.min() else "far"
+
+
+def tails(level: float) -> list[float]:
+    """Probabilities at the two ends of an equal-tailed interval."""
+    return [0.5 - level / 2, 0.5 + level / 2]
+
+
+def interval_of(ends: Floats) -> tuple[float, float]:
+    """Two positions in ascending order."""
+    return float(ends.min()), float(ends.max())

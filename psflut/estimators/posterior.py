@@ -1,0 +1,155 @@
+"""The posterior of distance and scene spectrum, sampled by emcee."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from psflut import evidence
+from psflut.density import Density, Mode, interval_of, tails
+from psflut.errors import PsflutError
+from psflut.estimation import AbstractEstimator, Curve, Estimate, Outcome, Problem, judge
+from psflut.grid import Grid, grid, restored
+
+Floats = NDArray[np.float64]
+
+NOISE_SPREAD = 0.2
+"""Prior standard deviation of ln sigma, in nats, where the noise was estimated from the image."""
+
+AUTOCORRELATION_TIMES = 50
+"""A chain shorter than so many of them is not believed (emcee's advice)."""
+
+BLOCK = 500
+"""Steps between two looks at the autocorrelation time."""
+
+
+@dataclass(frozen=True)
+class Posterior(AbstractEstimator):
+    """Distance by posterior sampling with emcee's ensemble (Foreman-Mackey et al. 2013).
+
+    The density is that of the grid (`psflut.evidence.log_joint`) with the scene spectrum not integrated
+    but sampled: vergence, the coefficients of ln S, and, only where the noise had to be estimated from the
+    image, ln sigma about that estimate. Walkers start from the grid posterior, so every mode is
+    populated by its weight. Differential evolution moves are used: in seven dimensions their
+    autocorrelation time is about half that of the stretch move.
+
+    ``detail`` keeps ``chain`` (steps, walkers, dimensions), ``names`` of the dimensions, ``log_probability``
+    (steps, walkers), and ``restored``. ``stats`` gives the autocorrelation time and the effective sample size.
+
+    Parameters
+    ----------
+    steps : int
+        Of each walker, at most: the chain ends once it is 50 autocorrelation times long.
+    walkers : int
+        Even, at least twice the dimensions.
+    seed : int
+    candidates : int
+        Of the grid that starts the walkers.
+    """
+
+    steps: int = 4000
+    walkers: int = 32
+    seed: int = 0
+    candidates: int = 100
+
+    def solve(self, problem: Problem) -> Estimate:
+        """See `AbstractEstimator`."""
+        import emcee
+
+        found = grid(problem, self.candidates)
+        rng = np.random.default_rng(self.seed)
+        free_noise = problem.noise_source == "image"
+        start = _start(found, self.walkers, free_noise, rng)
+        if self.walkers % 2 or self.walkers < 2 * start.shape[1]:
+            raise PsflutError(
+                f"walkers must be even and at least twice the {start.shape[1]} dimensions, got {self.walkers}"
+            )
+        moves = [(emcee.moves.DEMove(), 0.8), (emcee.moves.DESnookerMove(), 0.2)]
+        sampler = emcee.EnsembleSampler(
+            *start.shape, _log_probability(found, free_noise), moves=moves, vectorize=True
+        )
+        state = emcee.State(start, random_state=np.random.RandomState(self.seed).get_state())
+        for _ in range(0, self.steps, BLOCK):
+            state = sampler.run_mcmc(state, BLOCK)
+            times = sampler.get_autocorr_time(tol=0)
+            if sampler.iteration > AUTOCORRELATION_TIMES * np.max(times):
+                break
+        return self._estimate(problem, found, sampler.get_chain(), sampler.get_log_prob(), times)
+
+    def _estimate(
+        self, problem: Problem, found: Grid, chain: Floats, log_probability: Floats, times: Floats
+    ) -> Estimate:
+        even = chain[:, :, 0].ravel()
+        modes = _modes(even, found.density)
+        outcome, stats = judge(found.density)
+        longest = float(np.max(times))
+        if not len(chain) > AUTOCORRELATION_TIMES * longest:
+            outcome = Outcome.NOT_CONVERGED
+        names = ["vergence" if problem.table.kind == "distance" else "stage"]
+        names += [f"theta_{j}" for j in range(found.bank.basis.shape[1])]
+        return Estimate(
+            distance=modes[0].distance,
+            interval=interval_of(problem.table.position(np.quantile(even, tails(problem.level)))),
+            level=problem.level,
+            outcome=outcome,
+            modes=modes,
+            curve=Curve(problem.table.position(found.bank.even), found.fit.log_evidence, "log evidence"),
+            stats=stats
+            | {
+                "autocorrelation_time": longest,
+                "effective_samples": float(even.size / times[0]),
+                "standard_deviation": float(even.std()),
+            },
+            detail={
+                "chain": chain,
+                "names": (names + ["ln_sigma"])[: chain.shape[2]],
+                "log_probability": log_probability,
+                "restored": restored(problem, found, modes[0].distance),
+            },
+        )
+
+
+def _start(found: Grid, walkers: int, free_noise: bool, rng: np.random.Generator) -> Floats:
+    """(walkers, dimensions) draws from the grid posterior and, given each distance, the spectrum's normal fit."""
+    even = found.density.sample(rng, walkers)
+    nearest = np.argmin(np.abs(found.bank.even - even[:, None]), axis=1)
+    factor = np.linalg.cholesky(np.linalg.inv(found.fit.curvature[nearest]))
+    normal = rng.standard_normal((walkers, factor.shape[1], 1))
+    theta = found.fit.theta[nearest] + (factor @ normal)[..., 0]
+    noise = NOISE_SPREAD * 0.1 * rng.standard_normal((walkers, int(free_noise)))
+    return np.column_stack([even, theta, noise])
+
+
+def _log_probability(found: Grid, free_noise: bool) -> Callable[[Floats], Floats]:
+    """ln posterior density of (n, dimensions) points, the density of the grid."""
+    bank = found.bank
+    order = np.argsort(bank.even)
+    attenuation = CubicSpline(bank.even[order], bank.attenuation[order])
+    low, high = bank.even.min(), bank.even.max()
+    terms = bank.basis.shape[1]
+
+    def log_probability(points: Floats) -> Floats:
+        even, theta = points[:, 0], points[:, 1 : 1 + terms]
+        inside = (even >= low) & (even <= high)
+        at = np.maximum(attenuation(np.clip(even, low, high)), 0.0)
+        scale = np.exp(2 * points[:, 1 + terms :]) if free_noise else 1.0
+        with np.errstate(over="ignore", divide="ignore"):  # far points are rejected, not errors
+            value = evidence.log_joint(found.power, at, found.noise * scale, theta, bank)
+        if free_noise:
+            value = value - 0.5 * (points[:, -1] / NOISE_SPREAD) ** 2
+        return np.where(inside & np.isfinite(value), value, -np.inf)
+
+    return log_probability
+
+
+def _modes(even: Floats, density: Density) -> tuple[Mode, ...]:
+    """Medians and weights of the samples between the grid posterior's valleys, heaviest first."""
+    borders = density.borders
+    parts = np.clip(np.searchsorted(borders, even) - 1, 0, len(borders) - 2)
+    modes = [
+        Mode(float(density.position(np.median(even[parts == k]))), float(np.mean(parts == k)))
+        for k in np.unique(parts)
+    ]
+    return tuple(sorted(modes, key=lambda mode: -mode.weight))

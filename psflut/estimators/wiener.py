@@ -1,0 +1,41 @@
+"""Non-blind inversion with the PSF of every candidate distance, judged by the evidence."""
+
+from dataclasses import dataclass
+
+from psflut.estimation import AbstractEstimator, Curve, Estimate, Problem, judge
+from psflut.grid import grid, restored
+
+
+@dataclass(frozen=True)
+class Wiener(AbstractEstimator):
+    """Distance by the evidence of the Wiener inversion, for all candidates at once.
+
+    For each candidate the patch is inverted with the scene spectrum that suits it best; misfit, prior energy
+    and log-determinant of the restored patch together are the log evidence of `psflut.evidence`, which needs
+    no restored pixels. Only the winner's patch is restored and kept in ``detail["restored"]``: the ideal
+    image, as the imager would see it without blur.
+
+    Parameters
+    ----------
+    candidates : int
+        Distances over the table's span, evenly in vergence.
+    """
+
+    candidates: int = 100
+
+    def solve(self, problem: Problem) -> Estimate:
+        """See `AbstractEstimator`."""
+        found = grid(problem, self.candidates)
+        outcome, stats = judge(found.density)
+        modes = found.density.modes()
+        positions = problem.table.position(found.bank.even)
+        return Estimate(
+            distance=modes[0].distance,
+            interval=found.density.interval(problem.level),
+            level=problem.level,
+            outcome=outcome,
+            modes=modes,
+            curve=Curve(positions, found.fit.log_evidence, "log evidence"),
+            stats=stats,
+            detail={"restored": restored(problem, found, modes[0].distance)},
+        )

@@ -1,0 +1,164 @@
+"""The evidence for every distance at once: what the power spectrum of one patch says of its blur.
+
+A patch is g = h(z) * L * f + n. In annulus k its power P_k has the mean
+
+    V_k(z, theta) = S_k(theta) |L|^2_k T_k(z) + N_k
+
+with S the scene's spectrum (`psflut.texture`), T the squared OTF smeared by the taper, N the noise. Given V, P_k is
+gamma distributed with shape a_k (the annulus' effective bins):
+
+    ln p(P | z, theta) = - sum_k a_k (ln V_k + P_k / V_k)  + what depends on P and a alone
+
+The scene is integrated out by Laplace's method, for all distances together: the maximum over theta of
+ln p(P | z, theta) + ln p(theta), found by Newton's method with Fisher's curvature, and the determinant of the exact
+curvature there. With a thousand effective bins the posterior of theta is so nearly normal that emcee, which
+samples the same density (`log_joint`), gives the same distances.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from psflut.imagers import Imager
+from psflut.noise import Noise
+from psflut.spectrum import annuli
+from psflut.table import PSFTable
+from psflut.texture import TexturePrior, basis
+
+Floats = NDArray[np.float64]
+
+NEWTON_STEPS, TOLERANCE = 100, 1e-5
+"""Scoring ends when a step would gain less than this many nats at every distance."""
+
+LONGEST_STEP = 1.5
+"""Of a scoring step, in nats of ln S at any annulus: the quadratic model reaches no further."""
+
+
+@dataclass(frozen=True, eq=False)
+class Bank:
+    """What the evidence needs of a table for patches of one shape: K annuli, M distances, J coefficients.
+
+    Parameters
+    ----------
+    even : (M,) array
+        Candidates in the coordinate in which the prior is flat (vergence in 1/m, or stage in m).
+    attenuation : (M, K) array
+        |L|^2 T: what imager and optics leave of the scene's power.
+    imager : (K,) array
+        |L|^2, which also colours the photon noise.
+    basis : (K, J) array
+    shape : (K,) array
+        Gamma shapes a.
+    prior : TexturePrior
+    """
+
+    even: Floats
+    attenuation: Floats
+    imager: Floats
+    basis: Floats
+    shape: Floats
+    prior: TexturePrior
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """The evidence of one patch, and the scene's spectrum that goes best with each distance.
+
+    Parameters
+    ----------
+    log_evidence : (M,) array
+        ln p(P | z), up to a constant that does not depend on z.
+    theta : (M, J) array
+        Coefficients of ln S at the maximum.
+    curvature : (M, J, J) array
+        Minus the second derivative of the log density there.
+    """
+
+    log_evidence: Floats
+    theta: Floats
+    curvature: Floats
+
+
+def bank(table: PSFTable, shape: tuple[int, int], imager: Imager, prior: TexturePrior, count: int) -> Bank:
+    """The bank of `count` candidates over the table's span for patches of that shape."""
+    rings = annuli(shape)
+    positions = table.candidates(count)
+    attenuation = np.stack([rings.mean(rings.smear(table.power(shape, z))) for z in positions])
+    response = rings.mean(imager.transfer(shape) ** 2)
+    return Bank(
+        even=table.even(positions),
+        attenuation=response * np.maximum(attenuation, 0.0),
+        imager=response,
+        basis=basis(rings.frequency, len(prior.mean)),
+        shape=prior.shape(rings.effective),
+        prior=prior,
+    )
+
+
+def noise_power(bank: Bank, noise: Noise, level: float) -> Floats:
+    """N_k: read noise, and photon noise of a patch of that mean level, coloured by the imager."""
+    return noise.read**2 + bank.imager * noise.shot_variance(level)
+
+
+def log_likelihood(power: Floats, mean: Floats, shape: Floats) -> Floats:
+    """ln p(P | V) of gamma distributed powers over annuli, (..., K) -> (...), without what V does not enter."""
+    return -np.sum(shape * (np.log(mean) + power / mean), axis=-1)
+
+
+def log_prior(theta: Floats, prior: TexturePrior) -> Floats:
+    """ln p(theta) without its constant: (..., J) -> (...)."""
+    offset = theta - prior.mean
+    return -0.5 * np.sum((offset @ prior.precision) * offset, axis=-1)
+
+
+def log_joint(power: Floats, attenuation: Floats, noise: Floats, theta: Floats, bank: Bank) -> Floats:
+    """ln p(P | z, theta) + ln p(theta): attenuation (..., K) at z, noise power (..., K), theta (..., J)."""
+    mean = attenuation * np.exp(theta @ bank.basis.T) + noise
+    return log_likelihood(power, mean, bank.shape) + log_prior(theta, bank.prior)
+
+
+def integrate(power: Floats, noise: Floats, bank: Bank) -> Fit:
+    """The evidence of the powers (K,) under noise powers (K,) for all distances of the bank."""
+    theta = _maximise(power, noise, bank)
+    scene = bank.attenuation * np.exp(theta @ bank.basis.T)
+    mean = scene + noise
+    share, excess = scene / mean, power / mean
+    weight = bank.shape * (share**2 * excess - share * (1 - share) * (excess - 1))
+    curvature = _curvature(weight, bank)
+    sign, log_determinant = np.linalg.slogdet(curvature)
+    if np.any(sign <= 0):  # far from normal, where the fit is poor: the expected curvature never is
+        sign, expected = np.linalg.slogdet(_curvature(bank.shape * share**2, bank))
+        log_determinant = np.where(sign > 0, log_determinant, expected)
+    peak = log_joint(power, bank.attenuation, noise, theta, bank)
+    return Fit(peak - 0.5 * log_determinant, theta, curvature)
+
+
+def _maximise(power: Floats, noise: Floats, bank: Bank) -> Floats:
+    """theta (M, J) at the maximum of `log_joint` for every distance, by Fisher scoring with short steps."""
+    theta = np.tile(bank.prior.mean, (len(bank.even), 1))
+    theta[:, 0] += _contrast(power, noise, bank)
+    for _ in range(NEWTON_STEPS):
+        scene = bank.attenuation * np.exp(theta @ bank.basis.T)
+        mean = scene + noise
+        share = scene / mean
+        slope = (bank.shape * share * (power / mean - 1)) @ bank.basis - (theta - bank.prior.mean) @ bank.prior.precision
+        step = np.linalg.solve(_curvature(bank.shape * share**2, bank), slope[..., None])[..., 0]
+        longest = np.abs(step @ bank.basis.T).max(axis=1, keepdims=True)
+        theta = theta + step * np.minimum(1.0, LONGEST_STEP / longest)
+        if np.max(np.sum(step * slope, axis=1)) < TOLERANCE:
+            break
+    return theta
+
+
+def _contrast(power: Floats, noise: Floats, bank: Bank) -> Floats:
+    """A start for theta_0 at each distance: total power beyond the noise over that of the mean spectrum."""
+    expected = bank.attenuation @ np.exp(bank.basis @ bank.prior.mean)
+    return np.log(max(np.sum(power - noise), 0.1 * np.sum(noise)) / expected)
+
+
+def _curvature(weight: Floats, bank: Bank) -> Floats:
+    """B' diag(weight) B + inverse covariance: (M, K) -> (M, J, J)."""
+    terms = bank.basis.shape[1]
+    outer = (bank.basis[:, :, None] * bank.basis[:, None, :]).reshape(-1, terms * terms)
+    return (weight @ outer).reshape(-1, terms, terms) + bank.prior.precision

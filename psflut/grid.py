@@ -1,0 +1,68 @@
+"""The posterior of distance on the table's own grid: what the evidence methods share."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft
+
+from psflut import evidence, restore, texture
+from psflut.density import Density
+from psflut.estimation import Problem
+from psflut.imagers import Imager
+from psflut.spectrum import annular_power
+from psflut.table import PSFTable
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """A patch's evidence at every candidate, and the posterior it makes with a prior flat in vergence.
+
+    Parameters
+    ----------
+    bank : Bank
+    power, noise : (K,) arrays
+        Of the patch and of its noise, by annulus.
+    fit : Fit
+    density : Density
+    """
+
+    bank: evidence.Bank
+    power: Floats
+    noise: Floats
+    fit: evidence.Fit
+    density: Density
+
+
+def grid(problem: Problem, candidates: int) -> Grid:
+    """The grid posterior of a problem; equal posteriors come from equal settings, whoever asks."""
+    bank = _bank(problem.table, problem.shape, problem.imager, candidates)
+    noise = evidence.noise_power(bank, problem.noise, problem.mean_level)
+    power = annular_power(problem.image)
+    fit = evidence.integrate(power, noise, bank)
+    return Grid(bank, power, noise, fit, Density(bank.even, fit.log_evidence, problem.table.position))
+
+
+def restored(problem: Problem, found: Grid, distance: float) -> Floats:
+    """The ideal image (H, W) by Wiener inversion at that distance (metres).
+
+    The scene's spectrum is the one that suits the nearest candidate best; the imager's own filtering is part
+    of the ideal image and is not undone.
+    """
+    theta = found.fit.theta[np.argmin(np.abs(found.bank.even - problem.table.even(distance)))]
+    shape = restore.padded_shape(problem.shape, problem.table.size)
+    frequency = np.hypot(fft.fftfreq(shape[0])[:, None], fft.rfftfreq(shape[1]))
+    frequency[0, 0] = frequency[0, 1]
+    scene = np.exp(texture.basis(frequency.ravel(), len(theta)) @ theta).reshape(frequency.shape)
+    response = problem.imager.transfer(shape) ** 2
+    noise = problem.noise.read**2 + response * problem.noise.shot_variance(problem.mean_level)
+    ratio = noise / np.maximum(scene * response, 1e-12 * noise)
+    return np.asarray(restore.wiener(problem.image, problem.table.at(distance), ratio))
+
+
+@lru_cache(maxsize=8)
+def _bank(table: PSFTable, shape: tuple[int, int], imager: Imager, count: int) -> evidence.Bank:
+    return evidence.bank(table, shape, imager, texture.learnt(), count)

@@ -1,0 +1,87 @@
+"""What scenes look like: a prior on the power spectrum of a sharp patch.
+
+    ln S(f) = sum_j theta_j P_j(x),  x = ln f scaled to [-1, 1],  theta ~ normal(mean, covariance)
+
+P_j are the Legendre polynomials: theta_0 is the contrast, theta_1 the slope of the power law that natural
+scenes follow, the others bend it. The contrast is left free (a wide normal, independent of the rest), so
+that gain does not move a distance. Two more numbers say how far real patches are from this: beyond the smooth
+curve the power of an annulus scatters by ``roughness``, and it counts for ``efficiency`` of its bins,
+because a scene is not the stationary Gaussian field of the model.
+
+The numbers are learnt by `calib.textures`; ``texture.json`` holds them with where they come from.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cache, cached_property
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+from numpy.polynomial import legendre
+from numpy.typing import ArrayLike, NDArray
+
+Floats = NDArray[np.float64]
+
+FREQUENCIES = (0.008, 0.7072)
+"""Cycles a pixel that are mapped to x = -1 and 1."""
+
+
+@dataclass(frozen=True, eq=False)
+class TexturePrior:
+    """The prior on ln S of a patch, in image units squared; the module's docstring is the model.
+
+    Parameters
+    ----------
+    mean : (J,) array
+    covariance : (J, J) array
+    roughness : float
+        Standard deviation of ln power around the smooth curve, in nats.
+    efficiency : float
+        In (0, 1]: effective bins over those that the taper leaves.
+    provenance : mapping
+    """
+
+    mean: Floats
+    covariance: Floats
+    roughness: float
+    efficiency: float
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    @cached_property
+    def precision(self) -> Floats:
+        """(J, J) inverse of the covariance."""
+        return np.linalg.inv(self.covariance)
+
+    def shape(self, effective: Floats) -> Floats:
+        """Shape of the gamma distribution of an annulus of so many effective bins.
+
+        The relative variance of its mean power is 1 / (efficiency n) + roughness^2.
+        """
+        return 1.0 / (1.0 / (self.efficiency * effective) + self.roughness**2)
+
+    def draw(self, frequency: Floats, rng: np.random.Generator, count: int) -> Floats:
+        """`count` spectra S at those frequencies (cycles a pixel): (count, K)."""
+        theta = rng.multivariate_normal(self.mean, self.covariance, size=count)
+        return np.exp(theta @ basis(frequency, len(self.mean)).T)
+
+
+def basis(frequency: ArrayLike, count: int) -> Floats:
+    """The first `count` Legendre polynomials of scaled ln frequency: (K,) -> (K, count)."""
+    low, high = np.log(FREQUENCIES)
+    x = 2.0 * (np.log(np.asarray(frequency, dtype=float)) - low) / (high - low) - 1.0
+    return legendre.legvander(x, count - 1)
+
+
+@cache
+def learnt() -> TexturePrior:
+    """The prior that ships with psflut."""
+    numbers = json.loads(files("psflut").joinpath("texture.json").read_text(encoding="utf-8"))
+    return TexturePrior(
+        mean=np.array(numbers["mean"]),
+        covariance=np.array(numbers["covariance"]),
+        roughness=numbers["roughness"],
+        efficiency=numbers["efficiency"],
+        provenance=numbers["provenance"],
+    )

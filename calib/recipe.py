@@ -71,7 +71,7 @@ class Recipe:
     model: PSFModel
     distances: tuple[float, ...]
     size: int
-    capture: Setup = Setup()
+    capture: Setup = dataclasses.field(default_factory=Setup)
     sha256: str = ""
 
 

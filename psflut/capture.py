@@ -9,9 +9,7 @@ The border rule: the scene is continued by mirroring (the border pixel repeats: 
 enough for h and L together, and everything is cropped to the scene's own shape at the end. Nothing is clipped.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +18,8 @@ from scipy import signal
 from psflut import family
 from psflut.errors import PsflutError
 from psflut.imagers import Imager
-from psflut.noise import Noise
-from psflut.optics import Camera
+from psflut.noise import Noise, parse_noise
+from psflut.optics import Camera, blur_radius
 from psflut.table import PSFTable
 
 Floats = NDArray[np.floating]
@@ -41,6 +39,8 @@ class Setup:
         As `noise.parse_noise` reads it.
     bits : int or None
         Quantisation to 2^bits levels between 0 and 1; None leaves it out.
+    gain : float or None
+        Photo-electrons at full scale; adds photon noise to a `noise`.
     filter_size : int or None
         Side in pixels of the set-up's own blurring filter, from which blind deconvolution starts flat; None is
         the table's size.
@@ -50,17 +50,21 @@ class Setup:
     normalise: bool = False
     noise: str | None = None
     bits: int | None = None
+    gain: float | None = None
     filter_size: int | None = None
 
     def __post_init__(self) -> None:
         family.parse("psflut.imagers", self.imager)
         if self.bits is not None and not 1 <= self.bits <= 32:
             raise PsflutError(f"bits must be between 1 and 32, got {self.bits}")
+        if self.gain is not None and self.noise is None:
+            raise PsflutError("photon noise comes with read noise; give a noise beside the gain")
 
 
-def ideal_image(scene: Floats, imager: Imager, normalise: bool = False) -> Floats:
+def ideal_image(scene: Floats, setup: Setup) -> Floats:
     """What the imager records without blur and noise: the thesis' f_Laplacian. Same shape as the scene."""
-    low, high = _range(scene, imager) if normalise else (0.0, 1.0)
+    imager = family.parse("psflut.imagers", setup.imager)
+    low, high = _range(scene, imager) if setup.normalise else (0.0, 1.0)
     return np.asarray((imager.response(scene) - low) / (high - low))
 
 
@@ -107,6 +111,26 @@ def capture(
     return np.asarray(image if bits is None else _quantise(image, bits, imager.signed and not normalise))
 
 
+def simulate(
+    scene: Floats, source: Camera | PSFTable, distance: float, setup: Setup, seed: int
+) -> tuple[NDArray[np.float64], Noise | None]:
+    """A capture at `distance` (metres) with a camera or the set-up behind a table, and the noise it was given.
+
+    The same seed gives the same bytes.
+    """
+    imager = family.parse("psflut.imagers", setup.imager)
+    psf = psf_of(source, distance)
+
+    def take(noise: Noise | None, bits: int | None) -> NDArray[np.float64]:
+        rng = np.random.default_rng(seed)
+        return capture(scene, psf, noise, rng, imager=imager, normalise=setup.normalise, bits=bits)
+
+    noise = None
+    if setup.noise is not None:
+        noise = replace(parse_noise(setup.noise, take(None, None)), gain=setup.gain)
+    return take(noise, setup.bits), noise
+
+
 def psf_of(source: Camera | PSFTable, distance: float) -> Floats:
     """The PSF of an object at `distance` (metres) as a capture needs it.
 
@@ -115,8 +139,6 @@ def psf_of(source: Camera | PSFTable, distance: float) -> Floats:
     gives the pupil model without aberration, in a window large enough for its blur.
     """
     if isinstance(source, Camera):
-        from psflut.optics import blur_radius
-
         radius = abs(float(blur_radius(source, distance))) / source.pixel_pitch
         size = 2 * int(np.ceil(1.5 * radius)) + 15
         return np.asarray(family.make("psflut.psfs", "pupil", {})(source, distance, size))
@@ -128,9 +150,15 @@ def psf_of(source: Camera | PSFTable, distance: float) -> Floats:
     return np.asarray(part(source.camera, distance, source.size))
 
 
-def setup_of(provenance: Mapping[str, Any]) -> Setup:
-    """The ``[capture]`` of the recipe that a table came from, or the default."""
-    return Setup(**provenance.get("capture", {}))
+def setup_of(source: Camera | PSFTable) -> Setup:
+    """The ``[capture]`` of the recipe that a table came from; else plain, with the table's imager and noise."""
+    if isinstance(source, Camera):
+        return Setup()
+    fixed = source.provenance.get("capture")
+    if fixed is not None:
+        return Setup(**fixed)
+    noise = source.noise
+    return Setup(source.imager, noise=str(noise.read) if noise else None, gain=noise.gain if noise else None)
 
 
 def _range(scene: Floats, imager: Imager) -> tuple[float, float]:
@@ -145,4 +173,4 @@ def _quantise(image: Floats, bits: int, signed: bool) -> Floats:
     if signed:
         raise PsflutError("quantisation needs values between 0 and 1, but this imager is signed; normalise it")
     levels = 2**bits - 1
-    return np.round(np.clip(image, 0.0, 1.0) * levels) / levels
+    return np.asarray(np.round(np.clip(image, 0.0, 1.0) * levels) / levels)

@@ -72,9 +72,9 @@ class Density:
         """Posterior mean, in the even coordinate."""
         return float(np.average(self.nodes, weights=self.values))
 
-    def quantile(self, probability: ArrayLike) -> Floats:
+    def quantile(self, probability: Floats | list[float]) -> Floats:
         """Even coordinates below which that probability lies."""
-        return np.interp(probability, self.cumulative, self.nodes)
+        return np.asarray(np.interp(np.asarray(probability), self.cumulative, self.nodes))
 
     def interval(self, level: float) -> tuple[float, float]:
         """Equal-tailed credible interval, (near, far) in metres."""
@@ -101,7 +101,7 @@ class Density:
         return tuple(sorted(modes, key=lambda mode: -mode.weight))
 
     def edge(self) -> str | None:
-        """"near" or "far" where the density is highest at that end of the grid, else None."""
+        """ "near" or "far" where the density is highest at that end of the grid, else None."""
         peak = int(np.argmax(self.values))
         if 0 < peak < FINE - 1:
             return None

@@ -14,7 +14,8 @@ class PsflutError(ValueError):
 
 def refusal(what: str, error: ValidationError) -> PsflutError:
     """The first thing that pydantic found wrong with `what`, as one sentence."""
-    first = error.errors()[0]
+    # A misspelt key is both unknown and missing: the unknown one tells more.
+    first = min(error.errors(), key=lambda each: each["type"] != "extra_forbidden")
     where = ".".join(str(step) for step in first["loc"])
     reason = first["msg"].removeprefix("Value error, ")
     if first["type"] == "extra_forbidden":

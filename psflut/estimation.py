@@ -177,11 +177,10 @@ def estimate(
         For a patch that is smaller than the table's PSF, not finite, or negative though the imager is not
         signed; for an unknown method, or a known scene that the method does not use.
     """
-    if isinstance(estimator, str):
-        estimator = family.parse("psflut.estimators", estimator)
-    problem = _door(observation, table, estimator, level)
+    method = family.parse("psflut.estimators", estimator) if isinstance(estimator, str) else estimator
+    problem = _door(observation, table, method, level)
     start = time.perf_counter()
-    result = _nothing_to_see(problem) if _is_flat(problem) else estimator.solve(problem)
+    result = _nothing_to_see(problem) if _is_flat(problem) else method.solve(problem)
     if result.outcome is not Outcome.FLAT and np.mean(problem.image == 1.0) >= SATURATED_SHARE:
         result = replace(result, outcome=Outcome.SATURATED)
     stats = {
@@ -249,8 +248,7 @@ def _known(observation: Observation, estimator: AbstractEstimator) -> Floats | N
         raise PsflutError(f"{family.describe(estimator)} does not use a known scene; leave the scene out")
     if scene.shape != np.shape(observation.image) or not np.all(np.isfinite(scene)):
         raise PsflutError(
-            f"the known scene must be finite and of the patch's shape {np.shape(observation.image)}, "
-            f"got {scene.shape}"
+            f"the known scene must be finite and of the patch's shape {np.shape(observation.image)}, got {scene.shape}"
         )
     return scene
 

@@ -103,13 +103,25 @@ def noise_power(bank: Bank, noise: Noise, level: float) -> Floats:
 
 def log_likelihood(power: Floats, mean: Floats, shape: Floats) -> Floats:
     """ln p(P | V) of gamma distributed powers over annuli, (..., K) -> (...), without what V does not enter."""
-    return -np.sum(shape * (np.log(mean) + power / mean), axis=-1)
+    return np.asarray(-np.sum(shape * (np.log(mean) + power / mean), axis=-1))
+
+
+def misfit(power: Floats, noise: Floats, bank: Bank, fit: Fit) -> float:
+    """Deviance an annulus of the likeliest distance; 0.2 on most photographs.
+
+    Above about 1.5 the spectrum is one that no distance of the table explains well: an object beyond the table,
+    another camera, a periodic pattern.
+    """
+    best = int(np.argmax(fit.log_evidence))
+    mean = bank.attenuation[best] * np.exp(bank.basis @ fit.theta[best]) + noise
+    ratio = power / mean
+    return float(2 * np.mean(bank.shape * (ratio - 1 - np.log(ratio))))
 
 
 def log_prior(theta: Floats, prior: TexturePrior) -> Floats:
     """ln p(theta) without its constant: (..., J) -> (...)."""
     offset = theta - prior.mean
-    return -0.5 * np.sum((offset @ prior.precision) * offset, axis=-1)
+    return np.asarray(-0.5 * np.sum((offset @ prior.precision) * offset, axis=-1))
 
 
 def log_joint(power: Floats, attenuation: Floats, noise: Floats, theta: Floats, bank: Bank) -> Floats:
@@ -142,7 +154,9 @@ def _maximise(power: Floats, noise: Floats, bank: Bank) -> Floats:
         scene = bank.attenuation * np.exp(theta @ bank.basis.T)
         mean = scene + noise
         share = scene / mean
-        slope = (bank.shape * share * (power / mean - 1)) @ bank.basis - (theta - bank.prior.mean) @ bank.prior.precision
+        slope = (bank.shape * share * (power / mean - 1)) @ bank.basis - (
+            theta - bank.prior.mean
+        ) @ bank.prior.precision
         step = np.linalg.solve(_curvature(bank.shape * share**2, bank), slope[..., None])[..., 0]
         longest = np.abs(step @ bank.basis.T).max(axis=1, keepdims=True)
         theta = theta + step * np.minimum(1.0, LONGEST_STEP / longest)

@@ -36,6 +36,11 @@ class Grid:
     fit: evidence.Fit
     density: Density
 
+    @property
+    def misfit(self) -> float:
+        """Deviance an annulus of the likeliest distance, see `evidence.misfit`."""
+        return evidence.misfit(self.power, self.noise, self.bank, self.fit)
+
 
 def grid(problem: Problem, candidates: int) -> Grid:
     """The grid posterior of a problem; equal posteriors come from equal settings, whoever asks."""

@@ -1,6 +1,7 @@
 """Reading images as linear intensity, writing them as float32 TIFF."""
 
 import json
+import re
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,6 +16,10 @@ from psflut.files import staged
 
 LUMINANCE = np.array([0.2125, 0.7154, 0.0721])
 """Weights of linear red, green and blue (ITU-R BT.709, as in scikit-image's rgb2gray)."""
+
+
+DEFAULT_SIDE = 256
+"""Side of the patch that is taken where none is named, pixels."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +73,25 @@ def linearise(values: NDArray[np.float64], gamma: float = 1.0, srgb: bool = Fals
     return values if gamma == 1.0 else np.asarray(np.sign(values) * np.abs(values) ** gamma)
 
 
+def crop(shape: tuple[int, ...], patch: str | None) -> tuple[slice, slice]:
+    """The window that ``"Y,X,SIZE"`` or ``"Y,X,HxW"`` names: top left corner and sides, in pixels.
+
+    Without a patch it is the whole image, or on a side of more than 256 pixels its central 256.
+    """
+    if patch is None:
+        starts = [max(n - DEFAULT_SIDE, 0) // 2 for n in shape]
+        sides = [min(n, DEFAULT_SIDE) for n in shape]
+    else:
+        numbers = re.fullmatch(r"(\d+),(\d+),(\d+)(?:x(\d+))?", patch.replace(" ", ""))
+        if numbers is None:
+            raise PsflutError(f"a patch is Y,X,SIZE in pixels such as 64,0,128, got {patch!r}")
+        starts = [int(numbers[1]), int(numbers[2])]
+        sides = [int(numbers[3]), int(numbers[4] or numbers[3])]
+    if any(a + n > total or n == 0 for a, n, total in zip(starts, sides, shape, strict=True)):
+        raise PsflutError(f"the patch {patch} leaves the image of {shape[0]} x {shape[1]} pixels; move it inside")
+    return slice(starts[0], starts[0] + sides[0]), slice(starts[1], starts[1] + sides[1])
+
+
 def _read(path: Path) -> NDArray[Any]:
     import imageio.v3 as iio
 
@@ -94,13 +118,9 @@ def _check(path: Path, raw: NDArray[Any]) -> None:
         raise PsflutError(f"{path} holds {bad} values that are not finite; mask or replace them before reading")
 
 
-def write_tiff(
-    path: Path, image: NDArray[np.floating], about: Mapping[str, Any], overwrite: bool = False
-) -> None:
+def write_tiff(path: Path, image: NDArray[np.floating], about: Mapping[str, Any], overwrite: bool = False) -> None:
     """A float32 TIFF whose description is `about` as JSON; no date, so the same image gives the same bytes."""
     import tifffile
 
     with staged(path, overwrite) as stage:
-        tifffile.imwrite(
-            stage, image.astype(np.float32), description=json.dumps(about, sort_keys=True), metadata=None
-        )
+        tifffile.imwrite(stage, image.astype(np.float32), description=json.dumps(about, sort_keys=True), metadata=None)

@@ -14,13 +14,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import fft
+from scipy import fft, signal
 
 from psflut.errors import PsflutError
+from psflut.fourier import transfer
 
 Reals = NDArray[np.floating]
 Spectrum = NDArray[np.complexfloating]
 
+NOISE_SIGMAS = 6.0  # below zero, from which an image is signed rather than noisy
 LEAST = 0.01  # share of its light inside the image below which a scene pixel is left as it is
 
 
@@ -42,14 +44,6 @@ def continued(image: Reals, shape: tuple[int, int]) -> Reals:
         bridge = after + (before - after) * (fade[:, None] if axis == 0 else fade)
         image = np.concatenate([image, bridge], axis)
     return image
-
-
-def transfer(psf: Reals, shape: tuple[int, int]) -> Spectrum:
-    """Optical transfer function (..., H, W // 2 + 1) on the grid of ``rfft2``, of PSFs centred on K // 2."""
-    size = psf.shape[-1]
-    padded = np.zeros((*psf.shape[:-2], *shape), psf.dtype)
-    padded[..., :size, :size] = psf
-    return np.asarray(fft.rfft2(np.roll(padded, (-(size // 2), -(size // 2)), axis=(-2, -1))))
 
 
 def wiener_filter(otf: Spectrum, noise_to_signal: ArrayLike) -> Spectrum:
@@ -190,6 +184,25 @@ def blind_richardson_lucy(
         likelier = blur * gain / seen
         spot = spot.moved(blur, likelier / likelier.sum())
     return scene.now[: image.shape[0], : image.shape[1]], spot.now
+
+
+def blurred(image: Reals, psf: Reals) -> Reals:
+    """h * f for an image (H, W) and a PSF (K, K), mirrored beyond its border as captures are."""
+    mirrored = np.pad(image, len(psf) // 2, mode="symmetric")
+    return np.asarray(signal.oaconvolve(mirrored, psf, mode="valid"))
+
+
+def nonnegative(image: Reals, sigma: float) -> tuple[Reals, float]:
+    """An image as Richardson-Lucy can take it, and the factor by which its grey values were scaled.
+
+    A signed image, below zero by more than `NOISE_SIGMAS` noise sigma, is mapped by its own minimum and maximum to
+    [0, 1], as the thesis' set-up maps its Laplacian; blur commutes with that, because a PSF sums to 1. What
+    noise alone took below zero is set to zero, as deconvblind does.
+    """
+    low, high = float(image.min()), float(image.max())
+    if low < -NOISE_SIGMAS * sigma:
+        return (image - low) / (high - low), 1.0 / (high - low)
+    return np.maximum(image, 0.0), 1.0
 
 
 @dataclass(frozen=True)

@@ -61,10 +61,10 @@ class Annuli:
 def annuli(shape: tuple[int, int]) -> Annuli:
     """The annuli of patches of that shape."""
     height, width = shape
-    taper = np.outer(np.hanning(height + 1)[:-1], np.hanning(width + 1)[:-1])
+    taper = np.outer(np.hanning(height + 2)[1:-1], np.hanning(width + 2)[1:-1])
     frequency = np.hypot(fft.fftfreq(height)[:, None], fft.rfftfreq(width))
     step = 1.0 / min(shape)
-    index = np.floor((frequency / step - LOWEST)).astype(np.intp)
+    index = np.floor(frequency / step - LOWEST).astype(np.intp)
     # Columns 0 and W/2 of the half plane hold each frequency twice.
     twice = np.zeros(width // 2 + 1, dtype=bool)
     twice[0] = True

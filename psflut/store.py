@@ -11,7 +11,7 @@ import os
 import tempfile
 import warnings
 import zipfile
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -58,28 +58,28 @@ def find_table(name: str) -> Path:
     raise PsflutError(f"no table at {name}; give a path, or a shipped table: {', '.join(names)}")
 
 
-def write_table(
-    table: PSFTable,
-    path: Path,
-    overwrite: bool = False,
-    progress: Callable[[int], object] = lambda planes: None,
-) -> None:
-    """Write a table whole or not at all; `progress` hears of every plane written.
+def check_target(path: Path, overwrite: bool) -> None:
+    """Refuse, before the work of building, a path that `write_table` would refuse after it."""
+    if not path.name.endswith((".zarr", ".zarr.zip")):
+        raise PsflutError(f"a table's name ends in .zarr or .zarr.zip, got {path.name}")
+    refuse_overwrite(path, overwrite)
+
+
+def write_table(table: PSFTable, path: Path, overwrite: bool = False) -> None:
+    """Write a table whole or not at all.
 
     Raises
     ------
     PsflutError
         If `path` does not end in .zarr or .zarr.zip, exists without `overwrite`, or cannot be written.
     """
-    if not path.name.endswith((".zarr", ".zarr.zip")):
-        raise PsflutError(f"a table's name ends in .zarr or .zarr.zip, got {path.name}")
-    refuse_overwrite(path, overwrite)
+    check_target(path, overwrite)
     with staged(path, overwrite) as stage:
         if path.name.endswith(".zarr"):
-            _write_group(table, stage, progress)
+            _write_group(table, stage)
         else:
             with tempfile.TemporaryDirectory(dir=path.parent, prefix=".psflut-") as folder:
-                _write_group(table, Path(folder), progress)
+                _write_group(table, Path(folder))
                 pack(Path(folder), stage)
 
 
@@ -113,7 +113,7 @@ def read_table(path: Path) -> PSFTable:
         raise PsflutError(f"{path} has attributes that do not fit a table ({error}); build it again") from error
 
 
-def _write_group(table: PSFTable, folder: Path, progress: Callable[[int], object]) -> None:
+def _write_group(table: PSFTable, folder: Path) -> None:
     arrays = _arrays(table)
     group = zarr.create_group(LocalStore(folder), zarr_format=3)
     for name, values in arrays.items():
@@ -126,12 +126,14 @@ def _write_group(table: PSFTable, folder: Path, progress: Callable[[int], object
             compressors=(BloscCodec(cname="zstd", shuffle="shuffle"), Crc32cCodec()),
             fill_value=np.nan,
             dimension_names=ARRAYS[name],
-            attributes={"units": "1" if name.startswith("psf") else "m", "long_name": _long_name(name, table)},
+            attributes={
+                "units": "1" if name.startswith("psf") else "m",
+                "long_name": _long_name(name, table),
+            },
         )
         if planes:
             for index, plane in enumerate(values):
                 array[index] = plane
-                progress(1 if name == "psf" else 0)
         else:
             array[:] = values
     attributes = _attributes(table)

@@ -52,7 +52,7 @@ class TexturePrior:
     @cached_property
     def precision(self) -> Floats:
         """(J, J) inverse of the covariance."""
-        return np.linalg.inv(self.covariance)
+        return np.asarray(np.linalg.inv(self.covariance), dtype=np.float64)
 
     def shape(self, effective: Floats) -> Floats:
         """Shape of the gamma distribution of an annulus of so many effective bins.
@@ -64,14 +64,14 @@ class TexturePrior:
     def draw(self, frequency: Floats, rng: np.random.Generator, count: int) -> Floats:
         """`count` spectra S at those frequencies (cycles a pixel): (count, K)."""
         theta = rng.multivariate_normal(self.mean, self.covariance, size=count)
-        return np.exp(theta @ basis(frequency, len(self.mean)).T)
+        return np.asarray(np.exp(theta @ basis(frequency, len(self.mean)).T))
 
 
 def basis(frequency: ArrayLike, count: int) -> Floats:
     """The first `count` Legendre polynomials of scaled ln frequency: (K,) -> (K, count)."""
     low, high = np.log(FREQUENCIES)
     x = 2.0 * (np.log(np.asarray(frequency, dtype=float)) - low) / (high - low) - 1.0
-    return legendre.legvander(x, count - 1)
+    return np.asarray(legendre.legvander(x, count - 1))
 
 
 @cache

@@ -35,7 +35,8 @@ class Posterior(AbstractEstimator):
     populated by its weight. Differential evolution moves are used: in seven dimensions their
     autocorrelation time is about half that of the stretch move.
 
-    ``detail`` keeps ``chain`` (steps, walkers, dimensions), ``names`` of the dimensions, ``log_probability``
+    ``detail`` keeps ``chain`` (steps, walkers, dimensions), ``names`` of the dimensions, the
+    ``distances`` drawn (metres), ``log_probability``
     (steps, walkers), and ``restored``. ``stats`` gives the autocorrelation time and the effective sample size.
 
     Parameters
@@ -67,9 +68,7 @@ class Posterior(AbstractEstimator):
                 f"walkers must be even and at least twice the {start.shape[1]} dimensions, got {self.walkers}"
             )
         moves = [(emcee.moves.DEMove(), 0.8), (emcee.moves.DESnookerMove(), 0.2)]
-        sampler = emcee.EnsembleSampler(
-            *start.shape, _log_probability(found, free_noise), moves=moves, vectorize=True
-        )
+        sampler = emcee.EnsembleSampler(*start.shape, _log_probability(found, free_noise), moves=moves, vectorize=True)
         state = emcee.State(start, random_state=np.random.RandomState(self.seed).get_state())
         for _ in range(0, self.steps, BLOCK):
             state = sampler.run_mcmc(state, BLOCK)
@@ -98,13 +97,15 @@ class Posterior(AbstractEstimator):
             curve=Curve(problem.table.position(found.bank.even), found.fit.log_evidence, "log evidence"),
             stats=stats
             | {
+                "misfit": found.misfit,
                 "autocorrelation_time": longest,
                 "effective_samples": float(even.size / times[0]),
                 "standard_deviation": float(even.std()),
             },
             detail={
                 "chain": chain,
-                "names": (names + ["ln_sigma"])[: chain.shape[2]],
+                "distances": problem.table.position(even),
+                "names": [*names, "ln_sigma"][: chain.shape[2]],
                 "log_probability": log_probability,
                 "restored": restored(problem, found, modes[0].distance),
             },
@@ -149,7 +150,6 @@ def _modes(even: Floats, density: Density) -> tuple[Mode, ...]:
     borders = density.borders
     parts = np.clip(np.searchsorted(borders, even) - 1, 0, len(borders) - 2)
     modes = [
-        Mode(float(density.position(np.median(even[parts == k]))), float(np.mean(parts == k)))
-        for k in np.unique(parts)
+        Mode(float(density.position(np.median(even[parts == k]))), float(np.mean(parts == k))) for k in np.unique(parts)
     ]
     return tuple(sorted(modes, key=lambda mode: -mode.weight))

@@ -36,6 +36,6 @@ class Wiener(AbstractEstimator):
             outcome=outcome,
             modes=modes,
             curve=Curve(positions, found.fit.log_evidence, "log evidence"),
-            stats=stats,
+            stats={**stats, "misfit": found.misfit},
             detail={"restored": restored(problem, found, modes[0].distance)},
         )

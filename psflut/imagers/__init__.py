@@ -4,7 +4,9 @@ from abc import ABC, abstractmethod
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import fft, ndimage
+from scipy import ndimage
+
+from psflut.fourier import transfer
 
 
 class Imager(ABC):
@@ -21,11 +23,7 @@ class Imager(ABC):
 
     def transfer(self, shape: tuple[int, int]) -> NDArray[np.float64]:
         """Real transfer function L on the grid of ``rfft2`` of an image of that shape."""
-        kernel = self.kernel()
-        padded = np.zeros(shape)
-        padded[: kernel.shape[0], : kernel.shape[1]] = kernel
-        centred = np.roll(padded, [-(n // 2) for n in kernel.shape], axis=(0, 1))
-        return np.asarray(fft.rfft2(centred).real)
+        return np.asarray(transfer(self.kernel(), shape).real)
 
     def response(self, picture: NDArray[np.floating]) -> NDArray[np.floating]:
         """The filtered picture, same shape; beyond its border the picture is mirrored (symmetric)."""

@@ -1,0 +1,137 @@
+"""Figures: results in, Figure out. One look, units on every axis, colours that colour-blind readers tell apart."""
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import wraps
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from psflut.estimation import Estimate, Outcome
+from psflut.files import staged
+from psflut.table import PSFTable
+from psflut.units import format_length
+
+Floats = NDArray[np.floating]
+
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+"""Of Okabe and Ito, in the order in which methods take them."""
+
+TRUTH, INK = "#222222", "#444444"
+LOOK: Any = {
+    "font.family": "sans-serif",
+    "font.size": 9,
+    "axes.titlesize": 9,
+    "axes.labelsize": 9,
+    "axes.edgecolor": INK,
+    "axes.labelcolor": INK,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "legend.frameon": False,
+    "figure.dpi": 120,
+    "savefig.dpi": 160,
+    "image.cmap": "gray",
+}
+
+
+def _styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
+    @wraps(draw)
+    def wrapper(*args: Any, **kwargs: Any) -> Figure:
+        with mpl.rc_context(LOOK):
+            return draw(*args, **kwargs)
+
+    return wrapper
+
+
+@_styled
+def pictures(images: Mapping[str, Floats], title: str = "", columns: int = 4) -> Figure:
+    """Images side by side, each with its name above and its own grey range (1st to 99th percentile)."""
+    columns = min(columns, len(images))
+    rows = -(-len(images) // columns)
+    figure = Figure(figsize=(2.5 * columns, 2.75 * rows + 0.3), layout="constrained")
+    figure.suptitle(title, fontsize=10)
+    axes = np.atleast_1d(figure.subplots(rows, columns)).ravel()
+    for axis, (name, image) in zip(axes, images.items(), strict=False):
+        low, high = np.percentile(image, [1, 99])
+        axis.imshow(image, vmin=low, vmax=max(high, low + 1e-9), interpolation="nearest")
+        axis.set_title(name)
+    for axis in axes:
+        axis.set_axis_off()
+    return figure
+
+
+@_styled
+def psfs(table: PSFTable, count: int = 8) -> Figure:
+    """A contact sheet of a table: PSFs at `count` distances, and below each the course through its middle."""
+    positions = table.candidates(count)
+    planes = table.at(positions)
+    figure = Figure(figsize=(1.5 * count, 3.4), layout="constrained")
+    figure.suptitle("point spread functions, each scaled to its own peak; below: cut through the centre", fontsize=10)
+    top, bottom = figure.subplots(2, count, height_ratios=(1.0, 0.7))
+    reach = table.size / 2 * table.pixel_pitch * 1e6
+    offsets = (np.arange(table.size) - table.size // 2) * table.pixel_pitch * 1e6
+    for k, (position, plane) in enumerate(zip(positions, planes, strict=True)):
+        top[k].imshow(plane, cmap="magma", extent=(-reach, reach, reach, -reach), interpolation="nearest")
+        top[k].set_title(format_length(float(position)))
+        top[k].set_axis_off()
+        bottom[k].step(offsets, plane[table.size // 2], where="mid", color=COLOURS[0], lw=1)
+        bottom[k].set(ylim=(0, None), xlim=(-reach, reach), xlabel="x (um)")
+        bottom[k].tick_params(labelsize=7)
+    bottom[0].set_ylabel("share of light\nin a pixel")
+    return figure
+
+
+@_styled
+def curves(results: Mapping[str, Sequence[Estimate]], truths: Sequence[float]) -> Figure:
+    """What every method (rows) made of every candidate distance, for captures at `truths` (columns, metres)."""
+    figure = Figure(figsize=(3.2 * len(truths), 1.75 * len(results) + 0.6), layout="constrained")
+    grid = figure.subplots(len(results), len(truths), squeeze=False)
+    for row, (colour, (method, estimates)) in enumerate(zip(COLOURS, results.items(), strict=False)):
+        for column, (found, truth) in enumerate(zip(estimates, truths, strict=True)):
+            axis = grid[row, column]
+            curve(axis, found, colour)
+            axis.axvline(truth, color=TRUTH, lw=1, ls="--", label="truth")
+            if row == 0:
+                axis.set_title(f"object at {truth:g} m")
+            if row == len(results) - 1:
+                axis.set_xlabel("distance (m)")
+        grid[row, 0].set_ylabel(f"{method}\n{grid[row, 0].get_ylabel()}")
+    handles, labels = grid[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper right", ncols=3)
+    return figure
+
+
+def curve(axis: Axes, found: Estimate, colour: str) -> None:
+    """One method's curve or samples, with its estimate and interval, into an Axes."""
+    near, far = found.interval
+    axis.axvspan(near, far, color=colour, alpha=0.2, lw=0, label=f"{found.level:.0%} interval")
+    axis.axvline(found.distance, color=colour, lw=1.5, label="estimate")
+    if "distances" in found.detail:
+        samples = found.detail["distances"]
+        axis.hist(samples, bins=60, density=True, color=colour, alpha=0.8)
+        spread = max(6 * float(np.std(samples)), 1e-3)
+        axis.set(ylabel="density (1/m)", xlim=(found.distance - spread, found.distance + spread))
+    elif found.curve is not None and found.curve.label.startswith("log"):
+        values = found.curve.value - np.max(found.curve.value)
+        axis.plot(found.curve.position, values, color=colour, lw=1.2)
+        axis.set(ylabel=found.curve.label, ylim=(-60, 4))
+    elif found.curve is not None:
+        order = np.argsort(found.curve.position)
+        axis.plot(found.curve.position[order], found.curve.value[order], color=colour, lw=1.2, marker=".", ms=2)
+        axis.set(ylabel=found.curve.label)
+        if np.min(found.curve.value) > 0:
+            axis.set_yscale("log")
+    if found.outcome is not Outcome.OK:
+        axis.text(0.02, 0.95, found.outcome.name.lower(), transform=axis.transAxes, va="top", color=INK)
+
+
+def save(figure: Figure, path: Path, overwrite: bool = True) -> None:
+    """Write a figure whole or not at all; PNG without a date, so the same figure gives the same bytes."""
+    with mpl.rc_context(LOOK), staged(path, overwrite) as stage:
+        figure.savefig(stage, format=path.suffix.lstrip("."), metadata={"Software": None})

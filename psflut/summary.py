@@ -1,0 +1,69 @@
+"""What a table holds, as plain facts for JSON and as words for a person."""
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from psflut.optics import blur_radius
+from psflut.table import PSFTable
+from psflut.units import format_length
+
+
+def summarise(table: PSFTable) -> dict[str, Any]:
+    """Facts about a table, in metres and image units; plain JSON."""
+    facts: dict[str, Any] = {
+        "axis": table.kind,
+        "span_m": list(table.span),
+        "planes": len(table.axis),
+        "size_px": table.size,
+        "pixel_pitch_m": table.pixel_pitch,
+        "peak": [float(plane.max()) for plane in table.psf[[0, -1]]],
+        "camera": None,
+        "imager": table.imager,
+        "noise": dataclasses.asdict(table.noise) if table.noise else None,
+        "check": table.check,
+        "provenance": dict(table.provenance),
+    }
+    if table.camera is not None:
+        focus = table.camera.focus_distance
+        radius = np.abs(blur_radius(table.camera, table.axis)) / table.pixel_pitch
+        facts["camera"] = {
+            **dataclasses.asdict(table.camera),
+            "f_number": table.camera.f_number,
+            "focus_distance": focus if np.isfinite(focus) else None,
+        }
+        facts["blur_radius_px"] = [float(radius.min()), float(radius.max())]
+    return facts
+
+
+def words(facts: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """The facts as rows of (name, words)."""
+    near, far = (format_length(z) for z in facts["span_m"])
+    size = facts["size_px"]
+    rows = [
+        ("axis", f"{facts['axis']}, {near} to {far}, {facts['planes']} planes"),
+        ("psf", f"{size} x {size} pixels of {format_length(facts['pixel_pitch_m'])}"),
+        ("imager", facts["imager"]),
+        ("noise", "not known" if facts["noise"] is None else f"read {facts['noise']['read']:.4g}"),
+        ("check", "none: built from a model" if facts["check"] is None else str(facts["check"])),
+    ]
+    camera = facts["camera"]
+    if camera is not None:
+        focus = camera["focus_distance"]
+        low, high = facts["blur_radius_px"]
+        rows[1:1] = [
+            (
+                "camera",
+                f"{format_length(camera['focal_length'])} f/{camera['f_number']:.3g}, focused at "
+                f"{'infinity' if focus is None else format_length(focus)}, "
+                f"{format_length(camera['wavelength'])}",
+            ),
+            ("blur", f"geometric radius {low:.2f} to {high:.2f} pixels"),
+        ]
+    made = facts["provenance"]
+    if "model" in made:
+        settings = {key: value for key, value in made["settings"].items() if value not in (None, [], {})}
+        rows.append(("model", f"{made['model']} {settings or ''}".strip()))
+    return rows

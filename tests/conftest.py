@@ -1,0 +1,35 @@
+"""What the tests share: shipped tables, sharp photographs, captures that no table made."""
+
+import numpy as np
+import pytest
+
+from psflut import capture, store
+from psflut.demo import photograph
+
+
+@pytest.fixture(scope="session")
+def lab16mm():
+    return store.read_table(store.find_table("lab16mm"))
+
+
+@pytest.fixture(scope="session")
+def thesis():
+    return store.read_table(store.find_table("thesis"))
+
+
+@pytest.fixture(scope="session")
+def scene():
+    """A sharp photograph, (256, 256)."""
+    return photograph()
+
+
+@pytest.fixture(scope="session")
+def lab_patch(lab16mm, scene):
+    """A (128, 128) patch at 1.63 m through lab16mm, read noise 0.005: from the model, off the table's grid."""
+    setup = capture.Setup(noise="0.005")
+    return capture.simulate(scene, lab16mm, 1.63, setup, seed=1)[0][64:192, 64:192]
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(20260101)

@@ -1,0 +1,99 @@
+"""The shape of the house: imports go down, siblings do not know each other, heavy libraries have one door."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+from psflut import family
+
+ROOT = Path(__file__).parent.parent
+
+FLOORS = [  # from the roof to the cellar; a module imports from lower floors only
+    {"psflut.cli"},
+    {"psflut.demo", "calib.textures"},
+    {"psflut.plots", "calib.efficiency"},
+    {"calib.recipe"},
+    {"psflut.estimators"},
+    {"psflut.grid"},
+    {"psflut.estimation"},
+    {"psflut.evidence", "psflut.restore", "psflut.focus", "psflut.density"},
+    {"psflut.texture", "psflut.spectrum"},
+    {"psflut.summary", "psflut.capture", "psflut.store"},
+    {"psflut.table"},
+    {"psflut.imagers", "psflut.psfs"},
+    {"psflut.camera_file"},
+    {"psflut.noise", "psflut.optics", "psflut.images"},
+    {"psflut.family", "psflut.files", "psflut.units", "psflut.fourier"},
+    {"psflut.errors"},
+    {"psflut", "calib"},
+]
+DOORS = {"zarr": {"psflut.store"}, "emcee": {"psflut.estimators.posterior"}, "matplotlib": {"psflut.plots"}}
+LAZY = {"emcee", "matplotlib", "skimage", "imageio", "tifffile", "tqdm"}
+
+
+def modules():
+    for path in sorted([*ROOT.glob("psflut/**/*.py"), *ROOT.glob("calib/**/*.py")]):
+        parts = path.relative_to(ROOT).with_suffix("").parts
+        yield ".".join(parts[:-1] if parts[-1] == "__init__" else parts), path
+
+
+MODULES = dict(modules())
+
+
+def imports(path):
+    """(module, whether at module level and at run time) of every import in a file."""
+    tree = ast.parse(path.read_text())
+    top = [node for node in tree.body if isinstance(node, ast.Import | ast.ImportFrom)]
+    for node in ast.walk(tree):
+        names = []
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            whole = [f"{node.module}.{alias.name}" for alias in node.names]
+            names = [name if name in MODULES else node.module for name in whole]
+        for name in names:
+            yield name, node in top
+
+
+def floor(module):
+    found = [level for level, names in enumerate(FLOORS) if module in names]
+    if not found and "." in module:
+        return floor(module.rsplit(".", 1)[0])
+    assert found, f"{module} stands on no floor: name it in FLOORS"
+    return found[0]
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_imports_go_strictly_down(module):
+    for name, _ in imports(MODULES[module]):
+        if name.split(".")[0] not in ("psflut", "calib"):
+            continue
+        own_family = name == module.rpartition(".")[0]
+        assert floor(name) > floor(module) or own_family, f"{module} imports {name}"
+
+
+def test_psflut_asks_calib_in_the_command_line_alone():
+    askers = {m for m in MODULES for name, _ in imports(MODULES[m]) if name.startswith("calib") and m[:6] == "psflut"}
+    assert askers <= {"psflut.cli"}
+
+
+@pytest.mark.parametrize(("library", "doors"), DOORS.items())
+def test_heavy_libraries_have_one_door(library, doors):
+    users = {m for m in MODULES for name, _ in imports(MODULES[m]) if name.split(".")[0] == library}
+    assert users == doors
+
+
+@pytest.mark.parametrize("module", [m for m in MODULES if m != "psflut.plots"])
+def test_heavy_libraries_are_imported_where_they_are_used(module):
+    assert not {name for name, top in imports(MODULES[module]) if top and name.split(".")[0] in LAZY}
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_every_module_says_what_it_is(module):
+    assert ast.get_docstring(ast.parse(MODULES[module].read_text()))
+
+
+def test_the_control_a_sibling_import_is_seen():
+    assert floor("psflut.estimators.wiener") == floor("psflut.estimators.posterior")
+    assert set(family.names("psflut.estimators")) <= {m.rsplit(".", 1)[-1] for m in MODULES}

@@ -78,7 +78,8 @@ def _play(act: Act, scene: Floats, folder: Path) -> Iterator[tuple[str, ...]]:
     setup = capture.setup_of(table)
     ideal = capture.ideal_image(scene, setup)
     named = {f"object at {z:g} m": image for z, image in zip(act.distances, images, strict=True)}
-    figure = plots.pictures({"scene": scene, "ideal image": ideal, **named}, f"{act.table}: {act.words}", columns=5)
+    sharp = {"scene": scene} if setup.imager == "plain" else {"scene": scene, "ideal image": ideal}
+    figure = plots.pictures({**sharp, **named}, f"{act.table}: {act.words}", columns=5)
     plots.save(figure, folder / f"{act.table}-captures.png")
     results: dict[str, list[Estimate]] = {}
     for method in family.names("psflut.estimators"):

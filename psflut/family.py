@@ -8,6 +8,7 @@ listed anywhere, and nothing is imported until it is asked for.
 import dataclasses
 import importlib
 import inspect
+import json
 import pkgutil
 from collections.abc import Mapping
 from functools import cache
@@ -72,14 +73,14 @@ def parse(family: str, text: str) -> Any:
     """
     name, *words = text.strip().split(":")
     fields = [field.name for field in dataclasses.fields(load(family, name))]
-    settings: dict[str, str] = {}
+    settings: dict[str, Any] = {}
     for position, word in enumerate(words):
         key, equals, value = word.partition("=")
         if not equals:
             if position >= len(fields):
                 raise PsflutError(f"{name} has {len(fields)} settings, got {len(words)} in {text!r}")
             key, value = fields[position], word
-        settings[key] = value
+        settings[key] = _value(value)
     return make(family, name, settings)
 
 
@@ -89,5 +90,13 @@ def describe(part: Any) -> str:
     for field in dataclasses.fields(part):
         value = getattr(part, field.name)
         if value != field.default:
-            words.append(f"{field.name}={str(value).lower() if isinstance(value, bool) else value}")
+            words.append(f"{field.name}={value if isinstance(value, str) else json.dumps(value)}")
     return ":".join(words)
+
+
+def _value(text: str) -> Any:
+    """Numbers, true and false, lists and null as JSON has them; anything else is text."""
+    try:
+        return json.loads(text)
+    except json.JSONDecodeError:
+        return text

@@ -9,6 +9,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from psflut.estimation import Estimate, Outcome
@@ -20,6 +21,9 @@ Floats = NDArray[np.floating]
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 """Of Okabe and Ito, in the order in which methods take them."""
+
+LOWEST_LOG = -60.0
+"""Nats below its peak to which a log density is shown."""
 
 TRUTH, INK = "#222222", "#444444"
 LOOK: Any = {
@@ -112,15 +116,17 @@ def curve(axis: Axes, found: Estimate, colour: str) -> None:
     near, far = found.interval
     axis.axvspan(near, far, color=colour, alpha=0.2, lw=0, label=f"{found.level:.0%} interval")
     axis.axvline(found.distance, color=colour, lw=1.5, label="estimate")
+    axis.xaxis.set_major_locator(MaxNLocator(4))
     if "distances" in found.detail:
         samples = found.detail["distances"]
         axis.hist(samples, bins=60, density=True, color=colour, alpha=0.8)
-        spread = max(6 * float(np.std(samples)), 1e-3)
-        axis.set(ylabel="density (1/m)", xlim=(found.distance - spread, found.distance + spread))
+        reach = max(1.2 * (far - near), 1e-3)
+        span = np.array([found.distance - reach, found.distance + reach])
+        axis.set(ylabel="density (1/m)", xlim=np.clip(span, samples.min() - 0.1 * reach, samples.max() + 0.1 * reach))
     elif found.curve is not None and found.curve.label.startswith("log"):
         values = found.curve.value - np.max(found.curve.value)
         axis.plot(found.curve.position, values, color=colour, lw=1.2)
-        axis.set(ylabel=found.curve.label, ylim=(-60, 4))
+        axis.set(ylabel=found.curve.label, ylim=(1.1 * max(np.min(values), LOWEST_LOG), 0.5))
     elif found.curve is not None:
         order = np.argsort(found.curve.position)
         axis.plot(found.curve.position[order], found.curve.value[order], color=colour, lw=1.2, marker=".", ms=2)

@@ -28,6 +28,12 @@ def test_describe_and_parse_are_inverse(group, name):
     assert family.parse(group, family.describe(part)) == part
 
 
+def test_lists_ride_on_names_too():
+    pupil = family.parse("psflut.psfs", "pupil:zernikes=[[4, 0, 0.2]]:wavelengths=[5e-7, 6e-7]")
+    assert pupil.zernikes == ((4, 0, 0.2),)
+    assert family.parse("psflut.psfs", family.describe(pupil)) == pupil
+
+
 def test_settings_ride_on_names():
     assert family.parse("psflut.imagers", "laplacian:0.5").alpha == 0.5
     method = family.parse("psflut.estimators", "golden_section:start=table:subtract_noise=true")

@@ -48,8 +48,8 @@ class Gaussian(PSFModel):
         if self.fir is not None and not (self.fir > 0 and self.fir % 2 == 1):
             raise PsflutError(f"fir must be odd and positive, got {self.fir}; 5 is the thesis' filter")
 
-    def __call__(self, camera: Camera, distance: float, size: int) -> Floats:
-        """The PSF of an object at `distance` (metres): a (size, size) array as `PSFModel` says."""
+    def plane(self, camera: Camera, distance: float, size: int) -> Floats:
+        """See `PSFModel`."""
         pixels = abs(float(blur_radius(camera, distance))) / camera.pixel_pitch
         # Density, OTF and window are all separable: one profile says everything.
         profile = _integrals(pixels, distance, size) if self.fir is None else _filter(pixels, self.fir, size)

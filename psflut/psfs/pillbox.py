@@ -23,8 +23,8 @@ class Pillbox(PSFModel):
         When called, if the disc is wider than the window of `size` pixels.
     """
 
-    def __call__(self, camera: Camera, distance: float, size: int) -> Floats:
-        """The PSF of an object at `distance` (metres): a (size, size) array as `PSFModel` says."""
+    def plane(self, camera: Camera, distance: float, size: int) -> Floats:
+        """See `PSFModel`."""
         pixels = abs(float(blur_radius(camera, distance))) / camera.pixel_pitch
         if not 2.0 * pixels <= size:
             raise PsflutError(

@@ -54,8 +54,8 @@ class Pupil(PSFModel):
             if not (isfinite(wavelength) and wavelength > 0):
                 raise PsflutError(f"wavelengths must be positive, got {wavelength} m; write 550e-9, say")
 
-    def __call__(self, camera: Camera, distance: float, size: int) -> Floats:
-        """The PSF of an object at `distance` (metres): a (size, size) array as `PSFModel` says."""
+    def plane(self, camera: Camera, distance: float, size: int) -> Floats:
+        """See `PSFModel`."""
         radius = abs(float(blur_radius(camera, distance))) / camera.pixel_pitch
         if not 2.0 * radius <= size:
             raise PsflutError(

@@ -18,7 +18,7 @@ Floats = NDArray[np.floating]
 Cost = Callable[[float], float]
 
 GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
-CURVE_NODES = 65
+CURVE_NODES = 33
 
 
 @dataclass(frozen=True)

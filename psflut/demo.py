@@ -29,7 +29,7 @@ class Act:
 
     table: str
     words: str
-    distances: tuple[float, float, float]
+    distances: tuple[float, ...]
     side: int
     noise: str
 
@@ -38,7 +38,7 @@ ACTS = (
     Act("lab16mm", "plain imager, read noise 0.005", (1.07, 1.63, 2.41), 128, "0.005"),
     Act("thesis", "Laplacian imager scaled to [0, 1], noise variance 1e-3", (3.43, 3.87, 4.29), 256, "variance:1e-3"),
 )
-STEPS = len(ACTS) * 3 * len(family.names("psflut.estimators"))
+STEPS = sum(len(act.distances) for act in ACTS) * len(family.names("psflut.estimators"))
 
 
 def run(folder: Path) -> Iterator[tuple[str, ...]]:
@@ -97,7 +97,7 @@ def _capture(act: Act, table: PSFTable, scene: Floats, distance: float) -> tuple
 
 
 def _restorations(act: Act, ideal: Floats, patches: list[Floats], results: dict[str, list[Estimate]]) -> Any:
-    middle = 1
+    middle = len(patches) // 2
     shown = {"ideal image": ideal[_centre(ideal.shape[0], act.side)], "capture": patches[middle]}
     shown |= {
         f"{method}, {found[middle].distance:.2f} m": found[middle].detail["restored"]

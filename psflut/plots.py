@@ -1,8 +1,10 @@
 """Figures: results in, Figure out. One look, units on every axis, colours that colour-blind readers tell apart."""
 
+import io
 from collections.abc import Callable, Mapping, Sequence
 from functools import wraps
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 import matplotlib as mpl
@@ -44,6 +46,16 @@ LOOK: Any = {
 }
 
 
+class Plot(Figure):
+    """A Figure that shows itself in a notebook, whether or not pyplot was ever imported."""
+
+    def _repr_png_(self) -> bytes:
+        buffer = io.BytesIO()
+        with mpl.rc_context(LOOK):
+            self.savefig(buffer, format="png", dpi=110, metadata={"Software": None})
+        return buffer.getvalue()
+
+
 def _styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
     @wraps(draw)
     def wrapper(*args: Any, **kwargs: Any) -> Figure:
@@ -58,7 +70,7 @@ def pictures(images: Mapping[str, Floats], title: str = "", columns: int = 4) ->
     """Images side by side, each with its name above and its own grey range (1st to 99th percentile)."""
     columns = min(columns, len(images))
     rows = -(-len(images) // columns)
-    figure = Figure(figsize=(2.5 * columns, 2.75 * rows + 0.3), layout="constrained")
+    figure = Plot(figsize=(2.5 * columns, 2.75 * rows + 0.3), layout="constrained")
     figure.suptitle(title, fontsize=10)
     axes = np.atleast_1d(figure.subplots(rows, columns)).ravel()
     for axis, (name, image) in zip(axes, images.items(), strict=False):
@@ -75,7 +87,7 @@ def psfs(table: PSFTable, count: int = 8) -> Figure:
     """A contact sheet of a table: PSFs at `count` distances, and below each the course through its middle."""
     positions = table.candidates(count)
     planes = table.at(positions)
-    figure = Figure(figsize=(1.5 * count, 3.4), layout="constrained")
+    figure = Plot(figsize=(1.5 * count, 3.4), layout="constrained")
     figure.suptitle("point spread functions, each scaled to its own peak; below: cut through the centre", fontsize=10)
     top, bottom = figure.subplots(2, count, height_ratios=(1.0, 0.7))
     reach = table.size / 2 * table.pixel_pitch * 1e6
@@ -93,21 +105,23 @@ def psfs(table: PSFTable, count: int = 8) -> Figure:
 
 @_styled
 def curves(results: Mapping[str, Sequence[Estimate]], truths: Sequence[float]) -> Figure:
-    """What every method (rows) made of every candidate distance, for captures at `truths` (columns, metres)."""
-    figure = Figure(figsize=(3.2 * len(truths), 1.75 * len(results) + 0.6), layout="constrained")
-    grid = figure.subplots(len(results), len(truths), squeeze=False)
+    """What every method (rows) made of every candidate distance, for captures at `truths` (columns, metres).
+
+    With one capture the methods stand side by side instead.
+    """
+    shape = (len(results), len(truths)) if len(truths) > 1 else (1, len(results))
+    figure = Plot(figsize=(3.2 * shape[1], 1.8 * shape[0] + 0.8), layout="constrained")
+    grid = figure.subplots(*shape, squeeze=False)
     for row, (colour, (method, estimates)) in enumerate(zip(COLOURS, results.items(), strict=False)):
         for column, (found, truth) in enumerate(zip(estimates, truths, strict=True)):
-            axis = grid[row, column]
+            axis = grid[row, column] if len(truths) > 1 else grid[0, row]
             curve(axis, found, colour)
             axis.axvline(truth, color=TRUTH, lw=1, ls="--", label="truth")
-            if row == 0:
-                axis.set_title(f"object at {truth:g} m")
-            if row == len(results) - 1:
-                axis.set_xlabel("distance (m)")
-        grid[row, 0].set_ylabel(f"{method}\n{grid[row, 0].get_ylabel()}")
+            axis.set_title(f"{method}, object at {truth:g} m")
+    for axis in grid[-1]:
+        axis.set_xlabel("distance (m)")
     handles, labels = grid[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper right", ncols=3)
+    figure.legend(handles, labels, loc="outside lower center", ncols=3)
     return figure
 
 
@@ -126,11 +140,11 @@ def curve(axis: Axes, found: Estimate, colour: str) -> None:
     elif found.curve is not None and found.curve.label.startswith("log"):
         values = found.curve.value - np.max(found.curve.value)
         axis.plot(found.curve.position, values, color=colour, lw=1.2)
-        axis.set(ylabel=found.curve.label, ylim=(1.1 * max(np.min(values), LOWEST_LOG), 0.5))
+        axis.set(ylabel=fill(found.curve.label, 18), ylim=(1.1 * max(np.min(values), LOWEST_LOG), 0.5))
     elif found.curve is not None:
         order = np.argsort(found.curve.position)
         axis.plot(found.curve.position[order], found.curve.value[order], color=colour, lw=1.2, marker=".", ms=2)
-        axis.set(ylabel=found.curve.label)
+        axis.set(ylabel=fill(found.curve.label, 18))
         if np.min(found.curve.value) > 0:
             axis.set_yscale("log")
     if found.outcome is not Outcome.OK:

@@ -121,13 +121,13 @@ class Problem:
         Of the interval.
     """
 
-    image: Floats
+    image: NDArray[np.floating]
     table: PSFTable
     imager: Imager
     noise: Noise
     noise_source: str
     level: float
-    scene: Floats | None = None
+    scene: NDArray[np.floating] | None = None
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -9,13 +9,16 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from psflut.density import Mode
+from psflut.errors import PsflutError
 from psflut.estimation import AbstractEstimator, Curve, Estimate, Outcome, Problem
 from psflut.focus import focus_measure, gaussian_window, noise_power
 from psflut.imagers.laplacian import Laplacian
+from psflut.imagers.plain import Plain
 from psflut.restore import blind_richardson_lucy, blurred, nonnegative, wiener
 
 Floats = NDArray[np.floating]
 Cost = Callable[[float], float]
+Restorer = Callable[[float], Floats]
 
 GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
 CURVE_NODES = 33
@@ -69,16 +72,24 @@ class GoldenSection(AbstractEstimator):
 
     uses_scene: ClassVar[bool] = True
 
+    def __post_init__(self) -> None:
+        if self.redraws < 2 or self.iterations < 1 or not 0 < self.tolerance < 1:
+            raise PsflutError(
+                "golden_section needs redraws >= 2, iterations >= 1 and a tolerance between 0 and 1, "
+                f"got {self.redraws}, {self.iterations} and {self.tolerance}"
+            )
+
     def solve(self, problem: Problem) -> Estimate:
         """See `AbstractEstimator`."""
         near, far = problem.table.span
+        problem = _lit(problem)
         cost, restore = self._cost(problem)
         distance, visited = golden_section(cost, near, far, self.tolerance)
-        # A restoration a candidate makes a full curve dear: then it shows what the search saw.
-        nodes = np.linspace(near, far, CURVE_NODES) if self._one_restoration(problem) else np.array(visited)
         restored = restore(distance)
-        scatter = self._scatter(problem, restored, distance)
+        scatter = self._scatter(problem, blurred(restored, problem.table.at(distance)))
         half = stats.t.ppf(0.5 + problem.level / 2, self.redraws - 1) * max(scatter, self.tolerance * (far - near))
+        # A restoration for every candidate makes a full curve dear: then it shows what the search saw.
+        nodes = np.array(visited) if self._restores_each(problem) else np.linspace(near, far, CURVE_NODES)
         outcome, notes = _edge(distance, near, far, self.tolerance)
         return Estimate(
             distance=distance,
@@ -91,63 +102,58 @@ class GoldenSection(AbstractEstimator):
             detail={"restored": restored},
         )
 
-    def _one_restoration(self, problem: Problem) -> bool:
-        return problem.scene is not None or self.start == "flat"
+    def _cost(self, problem: Problem) -> tuple[Cost, Restorer]:
+        """C(z), and the ideal image (H, W) as restored for a candidate z (metres)."""
+        window = gaussian_window(problem.shape, self.window)
+        edges = Plain() if problem.imager.signed else Laplacian()
+        restore = self._restorer(problem)
 
-    def _cost(self, problem: Problem) -> tuple[Cost, Callable[[float], Floats]]:
-        """C(z), and the ideal image (H, W) as restored for a candidate z."""
-        image: Floats = problem.image
-        scale = 1.0
-        if problem.scene is None:
-            image, scale = nonnegative(problem.image, problem.noise.read)
-        restore = self._restorer(problem, image, scale)
-        measure = self._measure(problem)
-        target = measure(image) - (self._noise_power(problem) * scale**2 if self.subtract_noise else 0.0)
+        def measure(image: Floats) -> float:
+            return float(focus_measure(edges.response(image), window))
+
+        target = measure(problem.image)
+        if self.subtract_noise:
+            target -= noise_power(window, problem.noise.read, edges.kernel())
 
         def cost(distance: float) -> float:
-            return float((measure(blurred(restore(distance), problem.table.at(distance))) - target) ** 2)
+            return (measure(blurred(restore(distance), problem.table.at(distance))) - target) ** 2
 
         return cost, restore
 
-    def _restorer(self, problem: Problem, image: Floats, scale: float) -> Callable[[float], Floats]:
-        if problem.scene is not None:
-            scene = problem.scene
-            return lambda distance: scene
-        if self.start == "flat":
-            size = problem.table.provenance.get("capture", {}).get("filter_size") or problem.table.size
-            flat = np.full((size, size), 1.0 / size**2)
-            once = blind_richardson_lucy(image, flat, self.iterations)[0]
-            return lambda distance: once
-        if self.start == "table":
-            return lambda z: blind_richardson_lucy(image, problem.table.at(z), self.iterations)[0]
-        variance = (problem.noise.read * scale) ** 2
-        ratio = variance / max(float(image.var()) - variance, variance)
-        return lambda z: wiener(image, problem.table.at(z), ratio)
+    def _restores_each(self, problem: Problem) -> bool:
+        return problem.scene is None and self.start != "flat"
 
-    def _measure(self, problem: Problem) -> Callable[[Floats], float]:
-        window = gaussian_window(problem.shape, self.window)
-        edges = Laplacian()
-        if problem.imager.signed:
-            return lambda image: float(focus_measure(image, window))
-        return lambda image: float(focus_measure(edges.response(image), window))
+    def _restorer(self, problem: Problem) -> Restorer:
+        image, table = problem.image, problem.table
+        if self._restores_each(problem) and self.start == "table":
+            return lambda z: blind_richardson_lucy(image, table.at(z), self.iterations)[0]
+        if self._restores_each(problem):
+            variance = problem.noise.read**2
+            ratio = variance / max(float(image.var()) - variance, variance)
+            return lambda z: wiener(image, table.at(z), ratio)
+        known: Floats | None = problem.scene
+        if known is None:
+            size = table.provenance.get("capture", {}).get("filter_size") or table.size
+            known = blind_richardson_lucy(image, np.full((size, size), 1.0 / size**2), self.iterations)[0]
+        return lambda z: known
 
-    def _noise_power(self, problem: Problem) -> float:
-        window = gaussian_window(problem.shape, self.window)
-        kernel = np.ones((1, 1)) if problem.imager.signed else Laplacian().kernel()
-        return noise_power(window, problem.noise.read, kernel)
-
-    def _scatter(self, problem: Problem, restored: Floats, distance: float) -> float:
-        """Standard deviation (metres) of the answers to captures with re-drawn noise."""
+    def _scatter(self, problem: Problem, clean: Floats) -> float:
+        """Standard deviation (metres) of the answers to captures with noise re-drawn on a clean one."""
         rng = np.random.default_rng(self.seed)
-        clean = blurred(restored, problem.table.at(distance))
-        _, scale = (None, 1.0) if problem.scene is not None else nonnegative(problem.image, problem.noise.read)
         answers = []
         for _ in range(self.redraws):
-            noisy = clean + problem.noise.read * scale * rng.standard_normal(clean.shape)
-            noise = replace(problem.noise, read=problem.noise.read * scale)
-            cost, _ = self._cost(replace(problem, image=noisy, noise=noise))
+            noisy = clean + problem.noise.read * rng.standard_normal(clean.shape)
+            cost, _ = self._cost(_lit(replace(problem, image=noisy)))
             answers.append(golden_section(cost, *problem.table.span, self.tolerance)[0])
         return float(np.std(answers, ddof=1))
+
+
+def _lit(problem: Problem) -> Problem:
+    """The problem as Richardson-Lucy can take it: non-negative, its noise scaled alike."""
+    if problem.scene is not None:
+        return problem
+    image, scale = nonnegative(problem.image, problem.noise.read)
+    return replace(problem, image=image, noise=replace(problem.noise, read=problem.noise.read * scale))
 
 
 def golden_section(cost: Cost, near: float, far: float, tolerance: float) -> tuple[float, list[float]]:

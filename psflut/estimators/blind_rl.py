@@ -11,96 +11,135 @@ from psflut import evidence, texture
 from psflut.density import Density
 from psflut.estimation import AbstractEstimator, Curve, Estimate, Problem, judge
 from psflut.imagers import Imager
-from psflut.restore import nonnegative, richardson_lucy
+from psflut.restore import blind_richardson_lucy, nonnegative
 from psflut.spectrum import annular_power
 from psflut.table import PSFTable
 
 Floats = NDArray[np.float64]
 
-ROUNDS = 2
-"""Of weighting the annuli by what the fitted spectrum leaves above the noise."""
+ROUNDS = 6
+"""Of correcting a restored spectrum for the noise that the restoration amplified: its share settles so soon."""
+
+TRUST = 4
+"""Power of the scene's share of the signal with which an annulus counts: steps reach shares near 1 only."""
 
 
 @dataclass(frozen=True)
 class BlindRl(AbstractEstimator):
-    """Scene and distance at once by Richardson-Lucy whose PSF never leaves the table.
+    """Blind Richardson-Lucy started from tabled PSFs; the distance is where the restored scene is most credible.
+
+    From each of M tabled PSFs the patch is restored by `restore.blind_richardson_lucy`, and the scene's spectrum
+    S is read from what it restored. The restoration's power R, by annulus, is that of scene and imager L and of the
+    noise N brought up with them, R = |L|^2 S / w, where w = |L|^2 T S / (|L|^2 T S + N) is the scene's share of the
+    capture and T(z) the squared OTF. So ln S = B theta is fitted to ln (w R / |L|^2), in turn with w, by least
+    squares with the texture prior; annuli weigh as w^4, because the steps restore only those where w is near
+    1. The score is the evidence of that end state: misfit of the capture's power, prior energy and log-determinant
+    (`evidence.log_joint`). Theta runs smoothly along the table: a spline carries it to all candidates, T is exact.
+
+    Kept consistent with the table: each restoration is judged by the T of its own start. The blind update hardly
+    leaves it (projected on the table's tangent in the Poisson metric it moves the distance by 0.1 % in 25 steps,
+    3 % at most, nearly always toward less blur); restoring with the PSF held or so projected scores as well.
+
+    Compared on 16 to 96 patches (kodak shrunk two-fold, lab16mm, 1 to 2.5 m, 128 pixels, noise 0.005):
+
+    ==============================================================  ============  =================
+    score of a restoration (errors in % of distance)                median error  share beyond 10 %
+    ==============================================================  ============  =================
+    held-out likelihood (thinned capture), best step for each PSF   4 to 7        25 to 38
+    the same after 20 steps                                         1.2 to 5      8 to 31
+    the same, summed over a chain of ever less noise                1.4 to 6      23 to 38
+    the same, steps combined by least squares                       0.4 to 2      6 to 45
+    zero of the projected blind update on a held-out half           5 to 9
+    the same on the capture itself                                  over 50
+    evidence of the end state, 10 steps                             60            69
+    evidence of the end state, 20, 30, 40 steps                     0.6 to 0.8    0 to 4
+    (the scene integrated out, nothing restored: `wiener`)          0.6           1
+    ==============================================================  ============  =================
+
+    The knee of the residual had given 11 %. On other photographs (scikit-image, 195 patches) this gave 0.6 % with 6 %
+    beyond 10 %, nearly all at 1.03 m in scenes of great contrast, which want more steps; 95 % intervals covered 91 %.
+
+    The interval is that of the score times `tempering`, learnt on the same kodak captures as the largest round factor
+    with which 95 % intervals cover 95 %. Assumes texture, and light enough that the steps restore what passes.
 
     Parameters
     ----------
     restorations : int
-        PSFs over the table's span, evenly in vergence, from which Richardson-Lucy starts.
+        Starting PSFs over the table's span, evenly in vergence; 11 to 31 did alike.
     iterations : int
-        Accelerated steps of each.
+        Accelerated steps from each.
     candidates : int
-        Distances at which the score is taken.
+        Distances at which the score is taken, evenly in vergence.
     tempering : float
-        Factor on the score before it becomes a density.
+        Factor on the score, in nats, that makes it a log density.
     """
 
     restorations: int = 16
     iterations: int = 30
     candidates: int = 121
-    tempering: float = 1.0
+    tempering: float = 0.6
 
     def solve(self, problem: Problem) -> Estimate:
         """See `AbstractEstimator`."""
-        coarse, fine = (
-            _bank(problem.table, problem.shape, problem.imager, n) for n in (self.restorations, self.candidates)
-        )
+        table = problem.table
+        starts, fine = (_bank(table, problem.shape, problem.imager, n) for n in (self.restorations, self.candidates))
         noise = evidence.noise_power(fine, problem.noise, problem.mean_level)
-        theta = _scenes(self._powers(problem), noise, coarse)
-        order = np.argsort(coarse.even)
-        theta = CubicSpline(coarse.even[order], theta[order])(fine.even)
-        score = _score(annular_power(problem.image), noise, theta, fine)
-        density = Density(fine.even, self.tempering * score, problem.table.position)
+        order = np.argsort(starts.even)
+        scenes = _scenes(self._powers(problem), noise, starts)[order]
+        score = _score(annular_power(problem.image), noise, CubicSpline(starts.even[order], scenes)(fine.even), fine)
+        density = Density(fine.even, self.tempering * score, table.position)
         outcome, stats = judge(density)
         modes = density.modes()
-        psf = problem.table.at(modes[0].distance)
+        restored, psf, _ = self._restored(problem, table.at(modes[0].distance))
         return Estimate(
             distance=modes[0].distance,
             interval=density.interval(problem.level),
             level=problem.level,
             outcome=outcome,
             modes=modes,
-            curve=Curve(problem.table.position(fine.even), score, "log evidence of the restoration"),
-            stats=stats,
-            detail={"restored": self._restored(problem, psf)[0].astype(np.float64), "psf": psf},
+            curve=Curve(table.position(fine.even), score, "log evidence of the restoration"),
+            stats={**stats, "tempering": self.tempering},
+            detail={"restored": restored, "psf": psf},
         )
 
-    def _restored(self, problem: Problem, psf: Floats) -> tuple[NDArray[np.floating], float]:
-        """The patch (H, W) restored with that PSF, and the factor by which its grey values are scaled."""
+    def _restored(self, problem: Problem, psf: Floats) -> tuple[NDArray[np.floating], NDArray[np.floating], float]:
+        """Patch (H, W) and PSF restored from that start, and the factor by which grey values were scaled."""
         image, scale = nonnegative(problem.image, problem.noise.read)
-        return richardson_lucy(image.astype(np.float32), psf, self.iterations), scale
+        return *blind_richardson_lucy(image.astype(np.float32), psf, self.iterations), scale
 
     def _powers(self, problem: Problem) -> Floats:
-        """(M, K) power spectra of the restorations from M PSFs of the table, in the units of the patch."""
+        """(M, K) power of the patch restored from each of M tabled PSFs, by annulus, image units squared."""
         planes = problem.table.at(problem.table.candidates(self.restorations))
-        pairs = (self._restored(problem, psf) for psf in planes)
-        return np.stack([annular_power(restored) / scale**2 for restored, scale in pairs])
+        runs = (self._restored(problem, psf) for psf in planes)
+        return np.stack([annular_power(restored) / scale**2 for restored, _, scale in runs])
 
 
 def _scenes(power: Floats, noise: Floats, bank: evidence.Bank) -> Floats:
-    """(M, J) coefficients of ln S read from the restorations' powers (M, K)."""
+    """(M, J) coefficients theta of the scenes' spectra from the powers (M, K) of their restorations."""
     response = np.maximum(bank.imager, 1e-9 * bank.imager.max())
-    target = np.log(np.maximum(power, 1e-12 * noise) / response)
-    scene, prior = np.exp(target), bank.prior
+    raw = np.log(np.maximum(power, 1e-12 * noise) / response)
+    scene, prior = np.exp(raw), bank.prior
     for _ in range(ROUNDS):
-        passed = bank.attenuation * scene
-        weight = bank.shape * (passed / (passed + noise)) ** 4
-        curvature = np.einsum("mk,ki,kj->mij", weight, bank.basis, bank.basis) + prior.precision
+        share = bank.attenuation * scene / (bank.attenuation * scene + noise)
+        weight = bank.shape * share**TRUST
+        target = raw + np.log(np.maximum(share, 1e-6))
         slope = (weight * target) @ bank.basis + prior.precision @ prior.mean
-        theta = np.linalg.solve(curvature, slope[..., None])[..., 0]
+        theta = np.linalg.solve(_curvature(weight, bank), slope[..., None])[..., 0]
         scene = np.exp(theta @ bank.basis.T)
     return np.asarray(theta)
 
 
 def _score(power: Floats, noise: Floats, theta: Floats, bank: evidence.Bank) -> Floats:
-    """(M,) misfit, prior energy and log-determinant of the scene theta (M, J), in nats."""
+    """(M,) log evidence, in nats, of a capture's powers (K,) with the scenes theta (M, J)."""
     scene = bank.attenuation * np.exp(theta @ bank.basis.T)
     weight = bank.shape * (scene / (scene + noise)) ** 2
-    curvature = np.einsum("mk,ki,kj->mij", weight, bank.basis, bank.basis) + bank.prior.precision
     joint = evidence.log_joint(power, bank.attenuation, noise, theta, bank)
-    return np.asarray(joint - 0.5 * np.linalg.slogdet(curvature)[1])
+    return np.asarray(joint - 0.5 * np.linalg.slogdet(_curvature(weight, bank))[1])
+
+
+def _curvature(weight: Floats, bank: evidence.Bank) -> Floats:
+    """B' diag(weight) B + inverse covariance: (M, K) -> (M, J, J)."""
+    return np.asarray(np.einsum("mk,ki,kj->mij", weight, bank.basis, bank.basis) + bank.prior.precision)
 
 
 @lru_cache(maxsize=8)

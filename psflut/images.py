@@ -1,6 +1,8 @@
 """Reading images as linear intensity, writing them as float32 TIFF."""
 
+import io
 import json
+import logging
 import re
 import warnings
 from collections.abc import Mapping
@@ -12,11 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from psflut.errors import PsflutError
-from psflut.files import staged
+from psflut.files import refuse_overwrite, staged
 
 LUMINANCE = np.array([0.2125, 0.7154, 0.0721])
 """Weights of linear red, green and blue (ITU-R BT.709, as in scikit-image's rgb2gray)."""
 
+
+SRGB_SLOPE = 2.4 / 1.055
+"""Slope of the sRGB curve at full scale."""
+
+TIFF_STARTS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 
 DEFAULT_SIDE = 256
 """Side of the patch that is taken where none is named, pixels."""
@@ -42,6 +49,7 @@ def read_image(path: Path, gamma: float = 1.0, srgb: bool = False) -> Picture:
 
     Integers are divided by their full scale, floats are taken as they are and never clipped; ``gamma`` undoes
     an encoding by ``value ** gamma``, ``srgb`` the sRGB curve; colour becomes luminance, alpha is dropped.
+    Decoded are TIFF by tifffile and whatever Pillow knows.
 
     Raises
     ------
@@ -59,13 +67,15 @@ def read_image(path: Path, gamma: float = 1.0, srgb: bool = False) -> Picture:
     values = linearise(values, gamma, srgb)
     if values.ndim == 3:
         values = values[..., :3] @ LUMINANCE if values.shape[-1] >= 3 else values[..., 0]
-    return Picture(np.ascontiguousarray(values), quantum * gamma)
+    return Picture(np.ascontiguousarray(values), quantum * (SRGB_SLOPE if srgb else gamma))
 
 
 def linearise(values: NDArray[np.float64], gamma: float = 1.0, srgb: bool = False) -> NDArray[np.float64]:
     """Undo an encoding: ``value ** gamma``, or the sRGB curve (IEC 61966-2-1). Negative values keep their sign."""
     if not (np.isfinite(gamma) and gamma > 0):
         raise PsflutError(f"gamma must be positive, got {gamma}; 1 leaves the image as it is")
+    if srgb and gamma != 1.0:
+        raise PsflutError(f"an image has one encoding, got both sRGB and gamma {gamma}; give one of them")
     if srgb:
         size = np.abs(values)
         curve = np.where(size <= 0.04045, size / 12.92, ((size + 0.055) / 1.055) ** 2.4)
@@ -87,40 +97,84 @@ def crop(shape: tuple[int, ...], patch: str | None) -> tuple[slice, slice]:
             raise PsflutError(f"a patch is Y,X,SIZE in pixels such as 64,0,128, got {patch!r}")
         starts = [int(numbers[1]), int(numbers[2])]
         sides = [int(numbers[3]), int(numbers[4] or numbers[3])]
-    if any(a + n > total or n == 0 for a, n, total in zip(starts, sides, shape, strict=True)):
-        raise PsflutError(f"the patch {patch} leaves the image of {shape[0]} x {shape[1]} pixels; move it inside")
+    if min(sides) == 0:
+        raise PsflutError(f"the patch {patch} is empty; give it a side of some pixels")
+    if any(a + n > total for a, n, total in zip(starts, sides, shape, strict=True)):
+        raise PsflutError(
+            f"the patch {patch} leaves the image of {shape[0]} x {shape[1]} pixels; move it inside or make it smaller"
+        )
     return slice(starts[0], starts[0] + sides[0]), slice(starts[1], starts[1] + sides[1])
 
 
 def _read(path: Path) -> NDArray[Any]:
-    import imageio.v3 as iio
-
     if not path.is_file():
         raise PsflutError(f"no image file at {path}; check the path")
-    if path.stat().st_size == 0:
+    data = path.read_bytes()
+    if not data:
         raise PsflutError(f"{path} is empty; write or copy it again")
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("error")  # Pillow only warns of truncated or oversized files
-            return np.asarray(iio.imread(path))
+            warnings.simplefilter("error")  # Pillow only warns of some damage
+            warnings.filterwarnings("ignore", message="Image size")  # large is not damaged
+            return _read_tiff(data) if data.startswith(TIFF_STARTS) else _read_picture(data)
+    except PsflutError as error:
+        raise PsflutError(f"{path} {error}") from error
     except Exception as error:  # the readers' exceptions share no base class
-        reason = (str(error).splitlines() or [type(error).__name__])[0]
-        raise PsflutError(f"cannot read {path} as an image ({reason}); the file may be damaged") from error
+        reason = (str(error).splitlines() or [type(error).__name__])[0].strip()
+        raise PsflutError(f"cannot read {path} as an image ({reason}); write it again as PNG or TIFF") from error
+
+
+def _read_tiff(data: bytes) -> NDArray[Any]:
+    import tifffile
+
+    logging.getLogger("tifffile").addHandler(logging.NullHandler())  # its complaints come as our one sentence
+    with tifffile.TiffFile(io.BytesIO(data)) as file:
+        series = file.series
+        if len(series) != 1 or series[0].axes not in ("YX", "YXS", "SYX"):
+            raise PsflutError(f"has {len(file.pages)} pages or more; give one grey or colour picture a file")
+        kind = file.pages.first.photometric
+        if kind not in (tifffile.PHOTOMETRIC.MINISBLACK, tifffile.PHOTOMETRIC.RGB):
+            raise PsflutError(f"is a TIFF of kind {getattr(kind, 'name', kind)}; write it as grey levels or RGB")
+        raw = np.asarray(series[0].asarray())
+        return np.moveaxis(raw, 0, -1) if series[0].axes == "SYX" else raw
+
+
+def _read_picture(data: bytes) -> NDArray[Any]:
+    import imageio.v3 as iio
+
+    try:
+        opened = iio.imopen(data, "r", plugin="pillow")
+    except OSError as error:  # whose words are about plugins
+        raise PsflutError("is no picture, or only the beginning of one; write it again as PNG or TIFF") from error
+    with opened as file:
+        mode = file.metadata(index=0).get("mode", "")
+        raw = np.asarray(file.read())
+    if mode in ("CMYK", "YCbCr", "LAB", "HSV"):
+        raise PsflutError(f"holds {mode} colours; write it as grey levels or RGB")
+    return raw[0] if raw.ndim == 4 and len(raw) == 1 else raw
 
 
 def _check(path: Path, raw: NDArray[Any]) -> None:
     if not (np.issubdtype(raw.dtype, np.integer) or np.issubdtype(raw.dtype, np.floating)):
-        raise PsflutError(f"{path} holds {raw.dtype} values; intensity must be integers or floats")
+        raise PsflutError(f"{path} holds {raw.dtype} values; write it with integers or floats, as intensity is")
     if raw.ndim not in (2, 3) or (raw.ndim == 3 and raw.shape[-1] > 4) or raw.size == 0:
         raise PsflutError(f"{path} has the shape {raw.shape}; give one grey or colour picture a file")
     bad = int(np.sum(~np.isfinite(raw)))
     if bad:
-        raise PsflutError(f"{path} holds {bad} values that are not finite; mask or replace them before reading")
+        raise PsflutError(f"{path} has pixels that are not finite ({bad} of them); mask or replace them")
+
+
+def check_tiff(path: Path, overwrite: bool) -> None:
+    """Refuse, before the work, a path that `write_tiff` would refuse after it."""
+    if path.suffix.lower() not in (".tif", ".tiff"):
+        raise PsflutError(f"a capture is a TIFF, whose name ends in .tif or .tiff, got {str(path)!r}")
+    refuse_overwrite(path, overwrite)
 
 
 def write_tiff(path: Path, image: NDArray[np.floating], about: Mapping[str, Any], overwrite: bool = False) -> None:
     """A float32 TIFF whose description is `about` as JSON; no date, so the same image gives the same bytes."""
     import tifffile
 
+    check_tiff(path, overwrite)
     with staged(path, overwrite) as stage:
         tifffile.imwrite(stage, image.astype(np.float32), description=json.dumps(about, sort_keys=True), metadata=None)

@@ -29,7 +29,7 @@ class Range(BaseModel):
 
     first: Length = Field(alias="from", gt=0)
     last: Length = Field(alias="to", gt=0)
-    count: int = Field(ge=2, le=10_000)
+    count: int = Field(ge=3, le=10_000)
 
 
 class TableSettings(BaseModel):
@@ -85,19 +85,22 @@ def read_recipe(path: Path) -> Recipe:
     """
     contents = read_toml(path)
     try:
-        file = RecipeFile.model_validate(contents)
-        capture = TypeAdapter(Setup).validate_python(_known(file.capture, Setup))
+        return _recipe(RecipeFile.model_validate(contents), hashlib.sha256(path.read_bytes()).hexdigest())
     except ValidationError as error:
         raise refusal(str(path), error) from error
+    except PsflutError as error:
+        raise PsflutError(f"{path}: {error}") from error
+
+
+def _recipe(file: RecipeFile, sha256: str) -> Recipe:
     settings = {key: _in_metres(value) for key, value in (file.table.model_extra or {}).items()}
-    span = file.table.distances
     return Recipe(
         camera=file.camera.camera(),
         model=family.make("psflut.psfs", file.table.model, settings),
-        distances=tuple(float(z) for z in _even_in_vergence(span)),
+        distances=tuple(float(z) for z in _even_in_vergence(file.table.distances)),
         size=file.table.size,
-        capture=capture,
-        sha256=hashlib.sha256(path.read_bytes()).hexdigest(),
+        capture=TypeAdapter(Setup).validate_python(_known(file.capture, Setup)),
+        sha256=sha256,
     )
 
 

@@ -63,7 +63,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise PsflutError(f"{path} is not valid TOML: {error}") from error
+        raise PsflutError(f"{path} is not valid TOML ({error}); mend it there") from error
 
 
 def read_camera(path: Path) -> Camera:
@@ -74,7 +74,10 @@ def read_camera(path: Path) -> Camera:
     PsflutError
         For a missing file, an unknown or missing key, a length without a unit, or an impossible camera.
     """
+    contents = read_toml(path)
     try:
-        return CameraFile.model_validate(read_toml(path)).camera.camera()
+        return CameraFile.model_validate(contents).camera.camera()
     except ValidationError as error:
         raise refusal(str(path), error) from error
+    except PsflutError as error:
+        raise PsflutError(f"{path}: {error}") from error

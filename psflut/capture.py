@@ -24,6 +24,9 @@ from psflut.table import PSFTable
 
 Floats = NDArray[np.floating]
 
+LARGEST_RADIUS = 250.0
+"""Of a blur that is still simulated, pixels."""
+
 
 @dataclass(frozen=True)
 class Setup:
@@ -139,7 +142,11 @@ def psf_of(source: Camera | PSFTable, distance: float) -> Floats:
     gives the pupil model without aberration, in a window large enough for its blur.
     """
     if isinstance(source, Camera):
+        if not (np.isfinite(distance) and distance > 0):
+            raise PsflutError(f"a distance must be positive, got {distance} m; it is counted from the lens")
         radius = abs(float(blur_radius(source, distance))) / source.pixel_pitch
+        if radius > LARGEST_RADIUS:
+            raise PsflutError(f"the blur at {distance} m has a radius of {radius:.0f} pixels; go nearer to the focus")
         size = 2 * int(np.ceil(1.5 * radius)) + 15
         return np.asarray(family.make("psflut.psfs", "pupil", {})(source, distance, size))
     planes = source.at(distance)  # refuses a distance outside the table

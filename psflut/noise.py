@@ -72,6 +72,8 @@ def parse_noise(text: str, capture: NDArray[np.floating]) -> Noise:
         raise PsflutError(
             f"noise is a read sigma such as 0.005, or variance:1e-3 or relative:1e-3, got {text!r}"
         ) from None
+    if not (np.isfinite(value) and value > 0):
+        raise PsflutError(f"noise must be positive and finite, got {text!r}; image units run from 0 to 1")
     return thesis_noise(reading, value, capture) if colon else Noise(read=value)
 
 

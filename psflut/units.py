@@ -25,7 +25,10 @@ def parse_length(text: object) -> float:
         raise PsflutError(
             f"a length is a number with a unit ({', '.join(METRES)}), got {text!r}; write for example '16 mm'"
         )
-    return float(match[1]) * METRES[match[2]]
+    metres = float(match[1]) * METRES[match[2]]
+    if not math.isfinite(metres):
+        raise PsflutError(f"a length must be finite, got {text!r}; write for example '16 mm'")
+    return metres
 
 
 def format_length(metres: float) -> str:

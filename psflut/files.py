@@ -14,6 +14,8 @@ def refuse_overwrite(path: Path, overwrite: bool) -> None:
     """Refuse early, before the work, what `staged` would refuse at its end."""
     if not path.parent.is_dir():
         raise PsflutError(f"{path.parent} is not a folder; make it before {path.name} is written there")
+    if path.is_dir() and not (path / "zarr.json").is_file():
+        raise PsflutError(f"{path} is a folder, which is never replaced; choose another name")
     if path.exists() and not overwrite:
         raise PsflutError(f"{path} exists; choose another name or pass --overwrite")
 
@@ -44,7 +46,11 @@ def staged(path: Path, overwrite: bool = False) -> Iterator[Path]:
 def _swap_folders(stage: Path, path: Path) -> None:
     old = path.with_name(f".{path.name}.{os.getpid()}.old")
     os.replace(path, old)
-    os.replace(stage, path)
+    try:
+        os.replace(stage, path)
+    except OSError:
+        os.replace(old, path)
+        raise
     shutil.rmtree(old)
 
 

@@ -48,12 +48,15 @@ ATTRIBUTES = ("format", "version", "axis", "camera", "imager", "noise", "provena
 
 def find_table(name: str) -> Path:
     """The path of a table given as a path, or as the bare name of one that ships."""
-    if Path(name).exists():
-        return Path(name)
+    path, bare = Path(name), Path(name).name == name
+    # A folder of results may bear a shipped table's name.
+    if path.is_file() or (path / "zarr.json").is_file():
+        return path
     for folder in SHIPPED:
-        shipped = folder / f"{name}.zarr.zip"
-        if Path(name).name == name and shipped.is_file():
-            return shipped
+        if bare and (folder / f"{name}.zarr.zip").is_file():
+            return folder / f"{name}.zarr.zip"
+    if path.exists() and name:
+        return path
     names = sorted({p.name.removesuffix(".zarr.zip") for f in SHIPPED for p in f.glob("*.zarr.zip")})
     raise PsflutError(f"no table at {name}; give a path, or a shipped table: {', '.join(names)}")
 
@@ -222,11 +225,11 @@ def _check_sums(path: Path, attributes: Mapping[str, Any], arrays: Mapping[str, 
 def _table(attributes: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> PSFTable:
     psf = arrays["psf"].astype(np.float64)
     std = arrays.get("psf_std")
-    steps = np.diff(arrays["x"])
+    x = arrays["x"]
     return PSFTable(
         axis=arrays["distance"],
         psf=psf / psf.sum(axis=(1, 2), keepdims=True),  # single precision leaves 1e-7
-        pixel_pitch=float(steps.mean()) if steps.size else float("nan"),
+        pixel_pitch=float((x[-1] - x[0]) / (x.size - 1)) if x.size > 1 else float("nan"),
         kind=attributes["axis"],
         camera=Camera(**attributes["camera"]) if attributes["camera"] else None,
         imager=attributes["imager"],

@@ -64,6 +64,12 @@ def words(facts: Mapping[str, Any]) -> list[tuple[str, str]]:
         ]
     made = facts["provenance"]
     if "model" in made:
-        settings = {key: value for key, value in made["settings"].items() if value not in (None, [], {})}
-        rows.append(("model", f"{made['model']} {settings or ''}".strip()))
+        settings = [f"{key} {_spell(key, value)}" for key, value in made["settings"].items() if value]
+        rows.append(("model", ", ".join([made["model"], *settings])))
     return rows
+
+
+def _spell(setting: str, value: Any) -> str:
+    if isinstance(value, list):
+        return " ".join(_spell(setting, item) for item in value)
+    return format_length(value) if setting == "wavelengths" else str(value)

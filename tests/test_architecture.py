@@ -12,7 +12,7 @@ ROOT = Path(__file__).parent.parent
 FLOORS = [  # from the roof to the cellar; a module imports from lower floors only
     {"psflut.cli"},
     {"psflut.demo", "calib.textures"},
-    {"psflut.plots", "calib.efficiency"},
+    {"psflut.plots", "psflut.console", "calib.efficiency"},
     {"calib.recipe"},
     {"psflut.estimators"},
     {"psflut.grid"},

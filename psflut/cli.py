@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.exceptions import TyperException
 
-from psflut import console
+from psflut import console, family
 from psflut.errors import PsflutError
 
 if TYPE_CHECKING:
@@ -29,6 +29,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 
+METHODS = ", ".join(family.names("psflut.estimators"))
 TABLE_HELP = "A table's path, or the name of one that ships, such as lab16mm."
 TableOption = Annotated[str, typer.Option("--table", help=TABLE_HELP)]
 Gamma = Annotated[float, typer.Option(help="Undo an encoding: linear = value ** GAMMA.")]
@@ -36,7 +37,9 @@ Srgb = Annotated[bool, typer.Option("--srgb", help="Undo the sRGB encoding, as o
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace what exists.")]
 NoiseOption = Annotated[
     str | None,
-    typer.Option(help="Read sigma, full scale is 1: 0.005; or variance:1e-3, relative:1e-3. Default: the table's."),
+    typer.Option(
+        help="Read sigma, full scale is 1: 0.005; or variance:1e-3, relative:1e-3. Default: the table's, if any."
+    ),
 ]
 ImagerOption = Annotated[str | None, typer.Option(help="plain, laplacian:0.2 or dog. Default: the table's.")]
 Json = Annotated[bool, typer.Option("--json", help="One JSON object a line on stdout, nothing else there.")]
@@ -89,7 +92,7 @@ def demo(
 
 @app.command()
 def build(
-    recipe: Annotated[Path, typer.Argument(help="A recipe: a TOML file with [camera] and [table].")],
+    recipe: Annotated[Path, typer.Argument(metavar="RECIPE", help="A TOML file with [camera] and [table].")],
     output: Annotated[Path, typer.Option("-o", "--output", help="The table: NAME.zarr or NAME.zarr.zip.")],
     overwrite: Overwrite = False,
 ) -> None:
@@ -110,7 +113,7 @@ def build(
 
 @app.command()
 def info(
-    table: Annotated[str, typer.Argument(help=TABLE_HELP)],
+    table: Annotated[str, typer.Argument(metavar="TABLE", help=TABLE_HELP)],
     as_json: Json = False,
 ) -> None:
     """Show what a table holds: its span, camera, blur, imager, noise and origin."""
@@ -127,7 +130,7 @@ def info(
 
 @app.command()
 def simulate(
-    image: Annotated[Path, typer.Argument(help="A sharp picture: the scene.")],
+    image: Annotated[Path, typer.Argument(metavar="IMAGE", help="A sharp picture: the scene.")],
     distance: Annotated[str, typer.Option(help="Object distance with a unit: '1.83 m'.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="The capture: a float32 TIFF.")],
     camera: Annotated[Path | None, typer.Option(help="A camera file: TOML with [camera].")] = None,
@@ -183,11 +186,13 @@ def estimate(
     table: TableOption,
     method: Annotated[
         str,
-        typer.Option(help="One or several, with commas between; settings follow colons: golden_section:start=table."),
+        typer.Option(help=f"{METHODS}; several with commas between, settings behind colons: wiener:candidates=200."),
     ] = "wiener",
     noise: NoiseOption = None,
     imager: ImagerOption = None,
-    scene: Annotated[Path | None, typer.Option(help="The ideal image, where it is known.")] = None,
+    scene: Annotated[
+        Path | None, typer.Option(help="The ideal image, where it is known: as large as the capture, decoded as it is.")
+    ] = None,
     patch: Annotated[
         str | None,
         typer.Option(help="Y,X,SIZE or Y,X,HxW: top left corner and sides in pixels. Default: the centred 256."),
@@ -198,7 +203,6 @@ def estimate(
     srgb: Srgb = False,
 ) -> None:
     """Estimate the distance of a patch, by one method or several."""
-    from psflut import family
     from psflut.estimation import estimate as run
     from psflut.images import read_image
     from psflut.store import find_table, read_table

@@ -149,8 +149,8 @@ def test_a_reader_that_leaves_early_is_no_error(shelf):
         (["estimate", "a.tif", "--table", "lab16mm", "--noise"], "--noise"),
         (["simulate", "a.png", "--camera", "c.toml", "-o", "o.tif"], "--distance"),
         (["simulate", "a.png", "--camera", "c.toml", "--distance", "1 m"], "--output"),
-        (["build"], "recipe"),
-        (["info"], "table"),
+        (["build"], "RECIPE"),
+        (["info"], "TABLE"),
     ],
 )
 def test_a_mistake_in_the_command_points_to_its_help(refused, words, sentence):

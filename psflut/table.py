@@ -111,6 +111,8 @@ class PSFTable:
 
     def candidates(self, count: int) -> Floats:
         """`count` positions over the span, spaced evenly in the interpolation coordinate; ascending, metres."""
+        if count < 2:
+            raise PsflutError(f"candidates span a table from end to end, so there are 2 or more of them, got {count}")
         first, last = self.even(self.span)
         spread = self.position(np.linspace(first, last, count))
         spread[[0, -1]] = self.span  # exactly, whatever 1 / (1 / z) rounds to

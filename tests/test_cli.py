@@ -458,6 +458,7 @@ def test_what_was_found_before_a_refusal_is_shown(psflut, shelf):
         (["--method", "wiener:colour=red"], "'colour'"),
         (["--method", "golden_section:start=tabel"], "'tabel'"),
         (["--method", "golden_section:iterations=few"], "iterations"),
+        (["--method", "wiener:candidates=1"], "candidates"),
         (["--table", "lab17mm"], "lab16mm"),
         (["--table", "{capture}"], "capture.tif"),
         (["--imager", "laplace"], "laplacian"),

@@ -25,7 +25,7 @@ from psflut.errors import PsflutError
 from psflut.files import staged
 from psflut.images import read_image
 from psflut.spectrum import annular_power, annuli
-from psflut.store import find_table, read_table
+from psflut.store import read_table
 from psflut.table import PSFTable
 from psflut.texture import TexturePrior, basis
 
@@ -118,7 +118,7 @@ def main() -> None:
         if not photographs:
             raise PsflutError(f"no PNG photographs in {arguments.folder}; check the folder")
         images = [shrink(read_image(path, srgb=True).image) for path in photographs]
-        table = read_table(find_table(arguments.table))
+        table = read_table(arguments.table)
         prior = learn(images, arguments.terms, table, np.random.default_rng(arguments.seed))
         numbers = {
             "mean": prior.mean.tolist(),

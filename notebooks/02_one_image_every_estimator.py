@@ -21,11 +21,8 @@
 # %%
 import numpy as np
 
-from psflut import capture, family, plots
+from psflut import Noise, Observation, Setup, estimate, family, plots, read_table, simulate
 from psflut.demo import photograph
-from psflut.estimation import Observation, estimate
-from psflut.noise import Noise
-from psflut.store import find_table, read_table
 
 # %% [markdown]
 # ## The table
@@ -35,7 +32,7 @@ from psflut.store import find_table, read_table
 # fine structure is what tells distance.
 
 # %%
-table = read_table(find_table("lab16mm"))
+table = read_table("lab16mm")
 plots.psfs(table)
 
 # %% [markdown]
@@ -47,7 +44,7 @@ plots.psfs(table)
 # %%
 TRUTH, NOISE = 1.63, Noise(read=0.005)
 scene = photograph()
-image, _ = capture.simulate(scene, table, TRUTH, capture.Setup(noise="0.005"), seed=1)
+image, _ = simulate(scene, table, TRUTH, Setup(noise="0.005"), seed=1)
 patch = image[64:192, 64:192]
 plots.pictures({"scene": scene, f"capture at {TRUTH} m": image, "the patch": patch})
 

@@ -205,9 +205,9 @@ def estimate(
     """Estimate the distance of a patch, by one method or several."""
     from psflut.estimation import estimate as run
     from psflut.images import read_image
-    from psflut.store import find_table, read_table
+    from psflut.store import read_table
 
-    tabled = read_table(find_table(table))
+    tabled = read_table(table)
     family.parse("psflut.imagers", imager or tabled.imager)
     estimators = {name.strip(): family.parse("psflut.estimators", name) for name in method.split(",")}
     known = None if scene is None else read_image(scene, gamma, srgb)
@@ -230,11 +230,11 @@ def estimate(
 
 def _source(camera: Path | None, table: str | None) -> "Camera | PSFTable":
     from psflut.camera_file import read_camera
-    from psflut.store import find_table, read_table
+    from psflut.store import read_table
 
     if (camera is None) == (table is None):
         raise PsflutError("a capture needs either --camera or --table; give one of them")
-    return read_camera(camera) if camera is not None else read_table(find_table(str(table)))
+    return read_camera(camera) if camera is not None else read_table(str(table))
 
 
 def _observation(

@@ -14,7 +14,7 @@ from psflut.errors import PsflutError
 from psflut.estimation import Estimate, Observation, estimate
 from psflut.files import staged
 from psflut.noise import Noise
-from psflut.store import find_table, read_table
+from psflut.store import read_table
 from psflut.table import PSFTable
 
 Floats = NDArray[np.floating]
@@ -71,7 +71,7 @@ def photograph() -> Floats:
 
 
 def _play(act: Act, scene: Floats, folder: Path) -> Iterator[tuple[str, ...]]:
-    table = read_table(find_table(act.table))
+    table = read_table(act.table)
     plots.save(plots.psfs(table), folder / f"{act.table}-psfs.png")
     images, noises = zip(*(_capture(act, table, scene, z) for z in act.distances), strict=True)
     patches = [image[_centre(image.shape[0], act.side)] for image in images]

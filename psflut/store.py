@@ -46,16 +46,16 @@ LONG_NAMES = {
 ATTRIBUTES = ("format", "version", "axis", "camera", "imager", "noise", "provenance", "check")
 
 
-def find_table(name: str) -> Path:
+def find_table(name: str | Path) -> Path:
     """The path of a table given as a path, or as the bare name of one that ships."""
-    path, bare = Path(name), Path(name).name == name
+    path, bare = Path(name), Path(name).name == str(name)
     # A folder of results may bear a shipped table's name.
     if path.is_file() or (path / "zarr.json").is_file():
         return path
     for folder in SHIPPED:
         if bare and (folder / f"{name}.zarr.zip").is_file():
             return folder / f"{name}.zarr.zip"
-    if path.exists() and name:
+    if path.exists() and str(name):
         return path
     names = sorted({p.name.removesuffix(".zarr.zip") for f in SHIPPED for p in f.glob("*.zarr.zip")})
     raise PsflutError(f"no table at {name}; give a path, or a shipped table: {', '.join(names)}")
@@ -86,16 +86,20 @@ def write_table(table: PSFTable, path: Path, overwrite: bool = False) -> None:
                 pack(Path(folder), stage)
 
 
-def read_table(path: Path) -> PSFTable:
+def read_table(name: str | Path) -> PSFTable:
     """Read a table and check all of it.
+
+    Parameters
+    ----------
+    name : str or Path
+        A path, or the bare name of a table that ships.
 
     Raises
     ------
     PsflutError
         For anything that is not a complete, undamaged table of version 1.
     """
-    if not path.exists():
-        raise PsflutError(f"no table at {path}; check the path or build it with 'psflut build'")
+    path = find_table(name)
     try:
         store = LocalStore(path, read_only=True) if path.is_dir() else ZipStore(path, mode="r")
         with warnings.catch_warnings():

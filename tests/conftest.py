@@ -9,12 +9,12 @@ from psflut.demo import photograph
 
 @pytest.fixture(scope="session")
 def lab16mm():
-    return store.read_table(store.find_table("lab16mm"))
+    return store.read_table("lab16mm")
 
 
 @pytest.fixture(scope="session")
 def thesis():
-    return store.read_table(store.find_table("thesis"))
+    return store.read_table("thesis")
 
 
 @pytest.fixture(scope="session")

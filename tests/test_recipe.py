@@ -4,7 +4,7 @@ import pytest
 from calib.recipe import build, read_recipe
 from psflut.camera_file import read_camera
 from psflut.errors import PsflutError
-from psflut.store import SHIPPED, find_table, read_table
+from psflut.store import SHIPPED, read_table
 
 RECIPES = sorted(SHIPPED[1].glob("*.toml"))
 CAMERA = """
@@ -24,7 +24,7 @@ size = 41
 
 @pytest.mark.parametrize("path", RECIPES, ids=lambda path: path.stem)
 def test_every_shipped_table_is_what_its_recipe_gives(path):
-    recipe, table = read_recipe(path), read_table(find_table(path.stem))
+    recipe, table = read_recipe(path), read_table(path.stem)
     np.testing.assert_array_equal(table.axis, recipe.distances)
     assert table.provenance["recipe_sha256"] == recipe.sha256
     for k in (0, len(table.axis) // 2, -1):

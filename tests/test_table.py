@@ -11,9 +11,9 @@ from psflut.table import PSFTable
 
 @pytest.mark.parametrize("name", ["lab16mm", "thesis", "thesis-fir"])
 def test_between_planes_the_table_is_the_model_to_one_percent_of_the_peak(name):
-    from psflut.store import find_table, read_table
+    from psflut.store import read_table
 
-    table = read_table(find_table(name))
+    table = read_table(name)
     recipe = read_recipe(SHIPPED[1] / f"{name}.toml")
     vergence = 1 / table.axis
     middles = 2 / (vergence[1:] + vergence[:-1])

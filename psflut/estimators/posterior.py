@@ -57,6 +57,13 @@ class Posterior(AbstractEstimator):
     seed: int = 0
     candidates: int = 100
 
+    def __post_init__(self) -> None:
+        if self.steps < 1 or self.walkers < 2 or self.walkers % 2 or self.seed < 0:
+            raise PsflutError(
+                "posterior needs at least one step, an even number of walkers and a seed that is not negative, "
+                f"got {self.steps}, {self.walkers} and {self.seed}"
+            )
+
     def solve(self, problem: Problem) -> Estimate:
         """See `AbstractEstimator`."""
         import emcee
@@ -65,15 +72,13 @@ class Posterior(AbstractEstimator):
         rng = np.random.default_rng(self.seed)
         free_noise = problem.noise_source == "image"
         start = _start(found, self.walkers, free_noise, rng)
-        if self.walkers % 2 or self.walkers < 2 * start.shape[1]:
-            raise PsflutError(
-                f"walkers must be even and at least twice the {start.shape[1]} dimensions, got {self.walkers}"
-            )
+        if self.walkers < 2 * start.shape[1]:
+            raise PsflutError(f"walkers must be at least twice the {start.shape[1]} dimensions, got {self.walkers}")
         moves = [(emcee.moves.DEMove(), 0.9), (emcee.moves.DEMove(gamma0=1.0), 0.1)]
         sampler = emcee.EnsembleSampler(*start.shape, _log_probability(found, free_noise), moves=moves, vectorize=True)
         state = emcee.State(start, random_state=np.random.RandomState(self.seed).get_state())
-        for _ in range(0, self.steps, BLOCK):
-            state = sampler.run_mcmc(state, BLOCK)
+        while sampler.iteration < self.steps:
+            state = sampler.run_mcmc(state, min(BLOCK, self.steps - sampler.iteration))
             times = sampler.get_autocorr_time(tol=0)
             if sampler.iteration > AUTOCORRELATION_TIMES * np.max(times):
                 break

@@ -137,13 +137,9 @@ def integrate(power: Floats, noise: Floats, bank: Bank) -> Fit:
     mean = scene + noise
     share, excess = scene / mean, power / mean
     weight = bank.shape * (share**2 * excess - share * (1 - share) * (excess - 1))
-    curvature = _curvature(weight, bank)
-    sign, log_determinant = np.linalg.slogdet(curvature)
-    if np.any(sign <= 0):  # far from normal, where the fit is poor: the expected curvature never is
-        sign, expected = np.linalg.slogdet(_curvature(bank.shape * share**2, bank))
-        log_determinant = np.where(sign > 0, log_determinant, expected)
+    precision = curvature(weight, bank)
     peak = log_joint(power, bank.attenuation, noise, theta, bank)
-    return Fit(peak - 0.5 * log_determinant, theta, curvature)
+    return Fit(peak - 0.5 * np.linalg.slogdet(precision)[1], theta, precision)
 
 
 def _maximise(power: Floats, noise: Floats, bank: Bank) -> Floats:
@@ -157,7 +153,7 @@ def _maximise(power: Floats, noise: Floats, bank: Bank) -> Floats:
         slope = (bank.shape * share * (power / mean - 1)) @ bank.basis - (
             theta - bank.prior.mean
         ) @ bank.prior.precision
-        step = np.linalg.solve(_curvature(bank.shape * share**2, bank), slope[..., None])[..., 0]
+        step = np.linalg.solve(curvature(bank.shape * share**2, bank), slope[..., None])[..., 0]
         longest = np.abs(step @ bank.basis.T).max(axis=1, keepdims=True)
         theta = theta + step * np.minimum(1.0, LONGEST_STEP / longest)
         if np.max(np.sum(step * slope, axis=1)) < TOLERANCE:
@@ -171,8 +167,8 @@ def _contrast(power: Floats, noise: Floats, bank: Bank) -> Floats:
     return np.log(max(np.sum(power - noise), 0.1 * np.sum(noise)) / expected)
 
 
-def _curvature(weight: Floats, bank: Bank) -> Floats:
-    """B' diag(weight) B + inverse covariance: (M, K) -> (M, J, J)."""
+def curvature(weight: Floats, bank: Bank) -> Floats:
+    """Curvature of a log density in theta, B' diag(weight) B + inverse prior covariance: (M, K) -> (M, J, J)."""
     terms = bank.basis.shape[1]
     outer = (bank.basis[:, :, None] * bank.basis[:, None, :]).reshape(-1, terms * terms)
     return (weight @ outer).reshape(-1, terms, terms) + bank.prior.precision

@@ -44,7 +44,7 @@ class Grid:
 
 def grid(problem: Problem, candidates: int) -> Grid:
     """The grid posterior of a problem; equal posteriors come from equal settings, whoever asks."""
-    bank = _bank(problem.table, problem.shape, problem.imager, candidates)
+    bank = cached_bank(problem.table, problem.shape, problem.imager, candidates)
     noise = evidence.noise_power(bank, problem.noise, problem.mean_level)
     power = annular_power(problem.image)
     fit = evidence.integrate(power, noise, bank)
@@ -69,5 +69,6 @@ def restored(problem: Problem, found: Grid, distance: float) -> Floats:
 
 
 @lru_cache(maxsize=8)
-def _bank(table: PSFTable, shape: tuple[int, int], imager: Imager, count: int) -> evidence.Bank:
+def cached_bank(table: PSFTable, shape: tuple[int, int], imager: Imager, count: int) -> evidence.Bank:
+    """The bank of a table with the shipped texture prior, kept for the next patch of that shape."""
     return evidence.bank(table, shape, imager, texture.learnt(), count)

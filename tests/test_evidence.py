@@ -134,3 +134,14 @@ def test_gamma_powers_have_the_likelihood_they_are_given():
         for mean in (np.array([0.4, 1.0]), np.array([1.0, 3.0]))
     ]
     assert ours[1] - ours[0] == pytest.approx(theirs[1] - theirs[0])
+
+
+@pytest.mark.parametrize("period", [3, 9, 20])
+def test_maxima_are_maxima_for_patterns_that_no_smooth_spectrum_explains(bank, period):
+    """Laplace's method needs a positive curvature at every distance, however badly it fits."""
+    grid = np.indices((128, 128)).sum(axis=0)
+    noise = 0.005 * np.random.default_rng(0).standard_normal((128, 128))
+    stripes = 0.5 + 0.4 * np.sin(2 * np.pi * grid / period) + noise
+    fit = evidence.integrate(annular_power(stripes), evidence.noise_power(bank, Noise(0.005), 0.5), bank)
+    assert np.all(np.isfinite(fit.log_evidence))
+    assert np.linalg.eigvalsh(fit.curvature).min() > 0

@@ -1,19 +1,18 @@
 """Blind Richardson-Lucy kept on the table: a restoration from every tabled PSF, the distance by their evidence."""
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from psflut import evidence, texture
+from psflut import evidence
 from psflut.density import Density
+from psflut.errors import PsflutError
 from psflut.estimation import AbstractEstimator, Curve, Estimate, Problem, judge
-from psflut.imagers import Imager
+from psflut.grid import cached_bank
 from psflut.restore import blind_richardson_lucy, nonnegative
 from psflut.spectrum import annular_power
-from psflut.table import PSFTable
 
 Floats = NDArray[np.float64]
 
@@ -80,10 +79,19 @@ class BlindRl(AbstractEstimator):
     candidates: int = 121
     tempering: float = 0.6
 
+    def __post_init__(self) -> None:
+        if self.restorations < 4 or self.iterations < 1 or not self.tempering > 0:
+            raise PsflutError(
+                "blind_rl needs restorations >= 4, iterations >= 1 and a positive tempering, "
+                f"got {self.restorations}, {self.iterations} and {self.tempering}"
+            )
+
     def solve(self, problem: Problem) -> Estimate:
         """See `AbstractEstimator`."""
         table = problem.table
-        starts, fine = (_bank(table, problem.shape, problem.imager, n) for n in (self.restorations, self.candidates))
+        starts, fine = (
+            cached_bank(table, problem.shape, problem.imager, n) for n in (self.restorations, self.candidates)
+        )
         noise = evidence.noise_power(fine, problem.noise, problem.mean_level)
         order = np.argsort(starts.even)
         scenes = _scenes(self._powers(problem), noise, starts)[order]
@@ -125,7 +133,7 @@ def _scenes(power: Floats, noise: Floats, bank: evidence.Bank) -> Floats:
         weight = bank.shape * share**TRUST
         target = raw + np.log(np.maximum(share, 1e-6))
         slope = (weight * target) @ bank.basis + prior.precision @ prior.mean
-        theta = np.linalg.solve(_curvature(weight, bank), slope[..., None])[..., 0]
+        theta = np.linalg.solve(evidence.curvature(weight, bank), slope[..., None])[..., 0]
         scene = np.exp(theta @ bank.basis.T)
     return np.asarray(theta)
 
@@ -135,14 +143,4 @@ def _score(power: Floats, noise: Floats, theta: Floats, bank: evidence.Bank) -> 
     scene = bank.attenuation * np.exp(theta @ bank.basis.T)
     weight = bank.shape * (scene / (scene + noise)) ** 2
     joint = evidence.log_joint(power, bank.attenuation, noise, theta, bank)
-    return np.asarray(joint - 0.5 * np.linalg.slogdet(_curvature(weight, bank))[1])
-
-
-def _curvature(weight: Floats, bank: evidence.Bank) -> Floats:
-    """B' diag(weight) B + inverse covariance: (M, K) -> (M, J, J)."""
-    return np.asarray(np.einsum("mk,ki,kj->mij", weight, bank.basis, bank.basis) + bank.prior.precision)
-
-
-@lru_cache(maxsize=8)
-def _bank(table: PSFTable, shape: tuple[int, int], imager: Imager, count: int) -> evidence.Bank:
-    return evidence.bank(table, shape, imager, texture.learnt(), count)
+    return np.asarray(joint - 0.5 * np.linalg.slogdet(evidence.curvature(weight, bank))[1])

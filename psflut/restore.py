@@ -189,7 +189,7 @@ def blind_richardson_lucy(
 def blurred(image: Reals, psf: Reals) -> Reals:
     """h * f for an image (H, W) and a PSF (K, K), mirrored beyond its border as captures are."""
     mirrored = np.pad(image, len(psf) // 2, mode="symmetric")
-    return np.asarray(signal.oaconvolve(mirrored, psf, mode="valid"))
+    return np.asarray(signal.oaconvolve(mirrored, psf.astype(image.dtype, copy=False), mode="valid"))
 
 
 def nonnegative(image: Reals, sigma: float) -> tuple[Reals, float]:

@@ -5,7 +5,7 @@ variance s^2 has the mean power s^2 at every frequency. Frequencies are in cycle
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,11 +50,14 @@ class Annuli:
 
     def smear(self, power: NDArray[np.floating]) -> Floats:
         """What the taper makes of a power transfer function: its convolution with the taper's power spectrum."""
+        return np.asarray(fft.rfft2(fft.irfft2(power, s=self.shape) * self._lag_window).real)
+
+    @cached_property
+    def _lag_window(self) -> Floats:
+        """(H, W) autocorrelation of the taper at the lags of a patch, 1 at lag zero."""
         lags = np.asarray(fft.irfft2(np.abs(fft.rfft2(self.taper, s=[2 * n for n in self.shape])) ** 2))
         near = [np.r_[0 : (n + 1) // 2, 2 * n - n // 2 : 2 * n] for n in self.shape]
-        weight = lags[np.ix_(*near)] / lags[0, 0]
-        covariance = fft.irfft2(power, s=self.shape)
-        return np.asarray(fft.rfft2(covariance * weight).real)
+        return np.asarray(lags[np.ix_(*near)] / lags[0, 0])
 
 
 @lru_cache(maxsize=16)

@@ -76,7 +76,7 @@ class BlindRl(AbstractEstimator):
 
     restorations: int = 12
     iterations: int = 45
-    candidates: int = 121
+    candidates: int = 100
     tempering: float = 0.6
 
     def __post_init__(self) -> None:

@@ -153,6 +153,7 @@ def _lit(problem: Problem) -> Problem:
     if problem.scene is not None:
         return problem
     image, scale = nonnegative(problem.image, problem.noise.read)
+    image = image.astype(np.float32)  # half the time; the distance moves by less than the search's tolerance
     return replace(problem, image=image, noise=replace(problem.noise, read=problem.noise.read * scale))
 
 

@@ -25,27 +25,8 @@ class CameraSettings(BaseModel):
     wavelength: Length = 550e-9
 
     def camera(self) -> Camera:
-        """The camera, from whichever of the alternative keys is given."""
-        if (self.aperture_diameter is None) == (self.f_number is None):
-            raise PsflutError("a camera has either aperture_diameter or f_number; give one of them")
-        if (self.focus_distance is None) == (self.detector_distance is None):
-            raise PsflutError("a camera has either focus_distance or detector_distance; give one of them")
-        diameter = self.aperture_diameter
-        if diameter is None:
-            assert self.f_number is not None
-            if not self.f_number > 0:
-                raise PsflutError(f"f_number must be positive, got {self.f_number}")
-            diameter = self.focal_length / self.f_number
-        if self.focus_distance is not None:
-            return Camera.focused_at(
-                self.focus_distance,
-                focal_length=self.focal_length,
-                aperture_diameter=diameter,
-                pixel_pitch=self.pixel_pitch,
-                wavelength=self.wavelength,
-            )
-        assert self.detector_distance is not None
-        return Camera(self.focal_length, diameter, self.detector_distance, self.pixel_pitch, self.wavelength)
+        """The camera, from whichever of the alternative keys is given (`Camera.of`)."""
+        return Camera.of(**self.model_dump())
 
 
 class CameraFile(BaseModel):

@@ -55,22 +55,42 @@ class Camera:
             )
 
     @classmethod
-    def focused_at(
+    def of(
         cls,
-        focus_distance: float,
-        *,
         focal_length: float,
-        aperture_diameter: float,
         pixel_pitch: float,
+        *,
+        aperture_diameter: float | None = None,
+        f_number: float | None = None,
+        focus_distance: float | None = None,
+        detector_distance: float | None = None,
         wavelength: float = 550e-9,
     ) -> Self:
-        """A camera whose detector stands where an object at `focus_distance` (metres) is sharp."""
-        if not focus_distance > focal_length:
-            raise PsflutError(
-                f"focus_distance must exceed focal_length {focal_length} m, got {focus_distance} m; "
-                "no detector sees a nearer object sharp"
-            )
-        detector_distance = float(image_distance(focal_length, focus_distance))
+        """A camera in the terms of a photographer, lengths in metres.
+
+        Either the aperture's diameter or the f-number; either the distance at which an object is sharp
+        or that of the detector.
+
+        Raises
+        ------
+        PsflutError
+            For both or neither of a pair, and as the class does.
+        """
+        _one_of(aperture_diameter=aperture_diameter, f_number=f_number)
+        _one_of(focus_distance=focus_distance, detector_distance=detector_distance)
+        if f_number is not None:
+            if not f_number > 0:
+                raise PsflutError(f"f_number must be positive, got {f_number}; check the camera")
+            aperture_diameter = focal_length / f_number
+        if focus_distance is not None:
+            if not focus_distance > focal_length:
+                raise PsflutError(
+                    f"focus_distance must exceed focal_length {focal_length} m, got {focus_distance} m; "
+                    "no detector sees a nearer object sharp"
+                )
+            detector_distance = float(image_distance(focal_length, focus_distance))
+        assert aperture_diameter is not None
+        assert detector_distance is not None
         return cls(focal_length, aperture_diameter, detector_distance, pixel_pitch, wavelength)
 
     @property
@@ -84,6 +104,12 @@ class Camera:
     def f_number(self) -> float:
         """Focal length over aperture diameter."""
         return self.focal_length / self.aperture_diameter
+
+
+def _one_of(**pair: float | None) -> None:
+    first, second = pair
+    if (pair[first] is None) == (pair[second] is None):
+        raise PsflutError(f"a camera has either {first} or {second}; give one of them")
 
 
 def vergence(distance: ArrayLike) -> Floats:

@@ -101,7 +101,7 @@ def test_a_capture_through_a_built_table_comes_from_its_model(lab16mm):
 
 
 def test_a_bare_camera_blurs_with_the_pupil_model():
-    camera = Camera.focused_at(6.0, focal_length=0.016, aperture_diameter=0.008, pixel_pitch=6e-6)
+    camera = Camera.of(focus_distance=6.0, focal_length=0.016, aperture_diameter=0.008, pixel_pitch=6e-6)
     psf = psf_of(camera, 1.0)
     np.testing.assert_allclose(psf, Pupil()(camera, 1.0, len(psf)), atol=1e-15)
 

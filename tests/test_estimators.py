@@ -13,6 +13,7 @@ from psflut.estimators.posterior import Posterior
 from psflut.estimators.wiener import Wiener
 from psflut.grid import grid
 from psflut.noise import Noise
+from psflut.store import read_table
 
 METHODS = family.names("psflut.estimators")
 TRUTH, NOISE = 1.63, Noise(0.005)
@@ -74,6 +75,21 @@ def test_raw_signed_captures_are_mapped_not_refused(thesis, scene, method):
     assert image.min() < -6 * noise.read
     result = estimate(Observation(image[64:192, 64:192], noise), thesis, method)
     assert np.isfinite(result.distance)
+
+
+@pytest.mark.parametrize("name", ["thesis", "thesis-fir"])
+@pytest.mark.parametrize("method", METHODS)
+def test_every_method_runs_on_the_tables_of_the_thesis(method, name, scene):
+    """Normalised Laplacian captures, either of the noises; little can be told, so intervals must be wide."""
+    table = read_table(name)
+    image, noise = capture.simulate(scene, table, 3.87, capture.setup_of(table), seed=0)
+    result = estimate(Observation(image[64:160, 64:160]), table, method)
+    near, far = result.interval
+    assert table.span[0] <= near < far <= table.span[1]
+    assert result.stats["noise_source"] == "table"
+    assert result.stats["noise"] == pytest.approx(noise.read)
+    if method != "golden_section":
+        assert far - near > 0.2 or result.outcome is Outcome.FLAT
 
 
 def test_the_evidence_methods_see_the_distance(found):

@@ -16,7 +16,7 @@ from psflut.optics import (
 )
 
 THESIS = Camera(focal_length=0.1, aperture_diameter=6e-3, detector_distance=0.101, pixel_pitch=25e-6)
-LAB = Camera.focused_at(6.0, focal_length=16e-3, aperture_diameter=8e-3, pixel_pitch=6e-6)
+LAB = Camera.of(focus_distance=6.0, focal_length=16e-3, aperture_diameter=8e-3, pixel_pitch=6e-6)
 AT_INFINITY = Camera(focal_length=0.05, aperture_diameter=0.02, detector_distance=0.05, pixel_pitch=5e-6)
 cameras = pytest.mark.parametrize("camera", [THESIS, LAB, AT_INFINITY], ids=["thesis", "lab", "infinity"])
 
@@ -65,7 +65,7 @@ def test_thesis_camera_is_in_focus_at_ten_metres_and_not_at_its_farthest_distanc
     assert THESIS.focus_distance == pytest.approx(10.1)
 
 
-def test_focused_at_keeps_the_focus_and_the_other_lengths():
+def test_a_camera_of_a_focus_keeps_the_focus_and_the_other_lengths():
     assert LAB.focus_distance == pytest.approx(6.0)
     assert (LAB.f_number, LAB.pixel_pitch, LAB.wavelength) == (2.0, 6e-6, 550e-9)
     assert AT_INFINITY.focus_distance == np.inf
@@ -119,4 +119,13 @@ def test_a_detector_before_the_focal_plane_is_refused():
 @pytest.mark.parametrize("focus", [0.05, 0.02, -6.0, np.nan])
 def test_a_focus_within_the_focal_length_is_refused(focus):
     with pytest.raises(PsflutError, match="must exceed focal_length"):
-        Camera.focused_at(focus, focal_length=0.05, aperture_diameter=0.02, pixel_pitch=5e-6)
+        Camera.of(focus_distance=focus, focal_length=0.05, aperture_diameter=0.02, pixel_pitch=5e-6)
+
+
+def test_f_number_and_aperture_say_the_same():
+    terms = {"focal_length": 16e-3, "pixel_pitch": 6e-6, "focus_distance": 6.0}
+    assert Camera.of(f_number=2, **terms) == Camera.of(aperture_diameter=8e-3, **terms)
+    assert Camera.of(f_number=2, **terms).f_number == pytest.approx(2)
+    for pair in ({}, {"f_number": 2, "aperture_diameter": 8e-3}):
+        with pytest.raises(PsflutError, match="either aperture_diameter or f_number"):
+            Camera.of(**terms, **pair)

@@ -19,8 +19,8 @@ from psflut.psfs.pillbox import Pillbox
 from psflut.psfs.pupil import Pupil
 
 THESIS = Camera(focal_length=0.1, aperture_diameter=6e-3, detector_distance=0.101, pixel_pitch=25e-6)
-LAB = Camera.focused_at(6.0, focal_length=16e-3, aperture_diameter=8e-3, pixel_pitch=6e-6)
-FINE = Camera.focused_at(6.0, focal_length=16e-3, aperture_diameter=8e-3, pixel_pitch=0.15e-6)
+LAB = Camera.of(focus_distance=6.0, focal_length=16e-3, aperture_diameter=8e-3, pixel_pitch=6e-6)
+FINE = Camera.of(focus_distance=6.0, focal_length=16e-3, aperture_diameter=8e-3, pixel_pitch=0.15e-6)
 AT_INFINITY = Camera(focal_length=0.05, aperture_diameter=0.02, detector_distance=0.05, pixel_pitch=5e-6)
 AIRY = FINE.wavelength * FINE.detector_distance / FINE.aperture_diameter
 """lambda zd / D of FINE, in metres: the first dark ring of the Airy pattern has 1.22 times this radius."""

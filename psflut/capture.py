@@ -119,7 +119,7 @@ def simulate(
 ) -> tuple[NDArray[np.float64], Noise | None]:
     """A capture at `distance` (metres) with a camera or the set-up behind a table, and the noise it was given.
 
-    The same seed gives the same bytes.
+    Quantisation counts as read noise. The same seed gives the same bytes.
     """
     imager = family.parse("psflut.imagers", setup.imager)
     psf = psf_of(source, distance)
@@ -131,7 +131,8 @@ def simulate(
     noise = None
     if setup.noise is not None:
         noise = replace(parse_noise(setup.noise, take(None, None)), gain=setup.gain)
-    return take(noise, setup.bits), noise
+    picture = take(noise, setup.bits)
+    return picture, noise.with_quantisation(setup.bits) if noise and setup.bits else noise
 
 
 def psf_of(source: Camera | PSFTable, distance: float) -> Floats:

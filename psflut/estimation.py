@@ -227,7 +227,7 @@ def _door(observation: Observation, table: PSFTable, estimator: AbstractEstimato
         source, noise = "table", table.noise
     if noise is None:
         source, noise = "image", estimate_noise(image, observation.quantum)
-    if not imager.signed and image.min() < -NEGATIVE_SIGMAS * noise.read and not table_is_normalised(table):
+    if not imager.signed and image.min() < -NEGATIVE_SIGMAS * noise.read and not _is_normalised(table):
         raise PsflutError(
             f"the patch falls to {image.min():.3g}, but a plain image is not negative; "
             "check its offset, or name its imager"
@@ -235,7 +235,7 @@ def _door(observation: Observation, table: PSFTable, estimator: AbstractEstimato
     return Problem(image, table, imager, noise, source, level, _known(observation, estimator))
 
 
-def table_is_normalised(table: PSFTable) -> bool:
+def _is_normalised(table: PSFTable) -> bool:
     """Whether the set-up behind the table scales its captures, so that zero means nothing."""
     return bool(table.provenance.get("capture", {}).get("normalise", False))
 

@@ -93,6 +93,11 @@ def test_the_same_seed_gives_the_same_bytes(scene, lab16mm):
     assert first.tobytes() != other.tobytes()
 
 
+def test_quantisation_counts_as_read_noise(scene, lab16mm):
+    _, noise = simulate(scene, lab16mm, 1.3, Setup(noise="0.001", bits=8), seed=0)
+    assert noise.read == pytest.approx(np.hypot(0.001, 1 / 255 / np.sqrt(12)))
+
+
 def test_a_capture_through_a_built_table_comes_from_its_model(lab16mm):
     distance = float(1 / np.mean(1 / lab16mm.axis[:2]))
     model = Pupil(wavelengths=tuple(np.linspace(470e-9, 630e-9, 5)))(lab16mm.camera, distance, lab16mm.size)

@@ -36,7 +36,7 @@ class Act:
 
 ACTS = (
     Act("lab16mm", "plain imager, read noise 0.005", (1.07, 1.63, 2.41), 128, "0.005"),
-    Act("thesis", "Laplacian imager scaled to [0, 1], noise variance 1e-3", (3.43, 3.87, 4.29), 256, "variance:1e-3"),
+    Act("thesis", "Laplacian imager scaled to [0, 1], noise variance 1e-3", (3.43, 3.87, 4.29), 192, "variance:1e-3"),
 )
 STEPS = sum(len(act.distances) for act in ACTS) * len(family.names("psflut.estimators"))
 

@@ -210,29 +210,39 @@ def prior_density(table: PSFTable) -> Density:
 def _door(observation: Observation, table: PSFTable, estimator: AbstractEstimator, level: float) -> Problem:
     if not 0 < level < 1:
         raise PsflutError(f"level is a probability between 0 and 1, got {level}")
-    image = np.asarray(observation.image)
-    if image.ndim != 2 or not (np.isrealobj(image) and np.issubdtype(image.dtype, np.number)):
-        raise PsflutError(f"a patch is a real (H, W) array, got {image.dtype} of shape {image.shape}")
-    image = image.astype(np.float64)
-    if min(image.shape) < table.size:
-        raise PsflutError(
-            f"the patch of {image.shape[0]} x {image.shape[1]} pixels is smaller than the table's PSF "
-            f"({table.size}); take a larger patch"
-        )
-    if not np.all(np.isfinite(image)):
-        raise PsflutError("the patch holds values that are not finite; mask or replace them")
+    image = _sound(observation.image, table.size)
     imager = family.parse("psflut.imagers", observation.imager or table.imager)
-    source, noise = "given", observation.noise
-    if noise is None:
-        source, noise = "table", table.noise
-    if noise is None:
-        source, noise = "image", estimate_noise(image, observation.quantum)
+    source, noise = _noise(observation, table, image)
     if not imager.signed and image.min() < -NEGATIVE_SIGMAS * noise.read and not _is_normalised(table):
         raise PsflutError(
             f"the patch falls to {image.min():.3g}, but a plain image is not negative; "
             "check its offset, or name its imager"
         )
     return Problem(image, table, imager, noise, source, level, _known(observation, estimator))
+
+
+def _sound(image: NDArray[Any], least: int) -> Floats:
+    """The patch in double precision, once it is seen to be real, finite and large enough."""
+    image = np.asarray(image)
+    if image.ndim != 2 or not (np.isrealobj(image) and np.issubdtype(image.dtype, np.number)):
+        raise PsflutError(f"a patch is a real (H, W) array, got {image.dtype} of shape {image.shape}; give one channel")
+    if min(image.shape) < least:
+        raise PsflutError(
+            f"the patch of {image.shape[0]} x {image.shape[1]} pixels is smaller than the table's PSF ({least}); "
+            "take a larger patch"
+        )
+    if not np.all(np.isfinite(image)):
+        raise PsflutError("the patch holds values that are not finite; mask or replace them")
+    return image.astype(np.float64)
+
+
+def _noise(observation: Observation, table: PSFTable, image: Floats) -> tuple[str, Noise]:
+    """Where the noise comes from, and the noise: given, else the table's, else estimated from the image."""
+    if observation.noise is not None:
+        return "given", observation.noise
+    if table.noise is not None:
+        return "table", table.noise
+    return "image", estimate_noise(image, observation.quantum)
 
 
 def _is_normalised(table: PSFTable) -> bool:

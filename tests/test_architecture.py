@@ -13,6 +13,7 @@ FLOORS = [  # from the roof to the cellar; a module imports from lower floors on
     {"psflut.cli"},
     {"psflut.demo", "calib.textures"},
     {"psflut.plots", "psflut.console", "calib.efficiency"},
+    {"calib.build"},
     {"calib.recipe", "calib.captures", "calib.targets"},
     {"psflut.estimators"},
     {"psflut.grid"},

@@ -1,0 +1,90 @@
+"""Measured PSFs at known positions become a smooth course along the axis: non-negative, sum 1, with errors."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import make_smoothing_spline
+from scipy.ndimage import gaussian_filter
+
+from calib.targets import Measurement
+
+Floats = NDArray[np.float64]
+
+LEAST_FOR_SPLINE = 6
+"""Positions from which on a smoothing spline is fitted; fewer are left as they are."""
+
+STRENGTHS = np.logspace(-12, 1, 27)
+"""Of smoothing that are tried, for an axis of length 1."""
+
+DARK = 2.0
+"""Standard errors of the local mean (Gaussian, 1 pixel) below which a pixel counts as dark."""
+
+
+class Course(NamedTuple):
+    """PSFs (N, K, K) along the axis, and their standard errors."""
+
+    psf: Floats
+    std: Floats
+
+
+def smooth(even: Floats, measurements: Sequence[Measurement]) -> Course:
+    """The course of measured PSFs along the axis, as smooth as their standard errors justify and no smoother.
+
+    Every pixel follows a smoothing spline, which is linear, so that errors propagate exactly; one strength for all
+    pixels at one distance from the centre, because the rim of a blur disc moves and its middle hardly changes,
+    chosen by Mallows' criterion: the squared misfit in standard errors plus twice the trace. Pixels that are not above
+    zero by `DARK` local standard errors are set to zero before the sum is made 1.
+
+    Compared on 20 pupil PSFs with noise of 0.3 and 3 % of the peak, error of all pixels over that of the measured
+    ones, and of lit pixels in standard errors: one strength for all pixels 0.19 and 0.10, 1.5 and 3.8; strengths by
+    radius 0.10 and 0.05, 1.1 and 1.1; singular vectors, each with a spline of its own, 0.19 and 0.10, over 4. Merely
+    clipping at zero adds up the noise of the dark pixels and dims the lit ones by many standard errors.
+
+    Parameters
+    ----------
+    even : (N,) array
+        Ascending positions in the coordinate of interpolation: 1 / distance (1/m), or stage (m).
+    measurements : sequence of Measurement
+        One a position, K pixels a side.
+
+    Returns
+    -------
+    Course
+    """
+    measured = np.stack([each.psf for each in measurements])
+    size = measured.shape[1]
+    sigma = np.array([np.sqrt(np.mean(each.std**2)) for each in measurements])
+    across = np.arange(size) - size // 2
+    ring = np.hypot(across[:, None], across).round().astype(int)
+    matrices = _smoothers(even, sigma)
+    psf, std = np.empty_like(measured), np.empty_like(measured)
+    for radius in range(ring.max() + 1):
+        values = measured[:, ring == radius]
+        risks = [
+            np.sum(((values - m @ values) / sigma[:, None]) ** 2) + 2 * np.trace(m) * len(values.T) for m in matrices
+        ]
+        best = matrices[int(np.argmin(risks))]
+        psf[:, ring == radius] = best @ values
+        std[:, ring == radius] = np.sqrt(best**2 @ sigma**2)[:, None]
+    return _lit(psf, std)
+
+
+def _smoothers(even: Floats, sigma: Floats) -> list[Floats]:
+    """(N, N) matrices of smoothing splines, from hardly to wholly smooth."""
+    unit = np.eye(len(even))
+    if len(even) < LEAST_FOR_SPLINE:
+        return [unit]
+    scaled = (even - even[0]) / (even[-1] - even[0])
+    weights = (sigma.min() / sigma) ** 2
+    return [unit, *(np.asarray(make_smoothing_spline(scaled, unit, weights, lam=each)(scaled)) for each in STRENGTHS)]
+
+
+def _lit(psf: Floats, std: Floats) -> Course:
+    """Non-negative PSFs with sum 1: what is not above the noise of its neighbourhood is dark."""
+    neighbourhood = np.stack([gaussian_filter(plane, 1.0) for plane in psf])
+    noise = std * np.sqrt(1.0 / (4.0 * np.pi))  # of white noise after a Gaussian filter of 1 pixel
+    light = np.where(neighbourhood > DARK * noise, np.maximum(psf, 0.0), 0.0)
+    total = light.sum(axis=(1, 2), keepdims=True)
+    return Course(light / total, std / total)

@@ -1,0 +1,51 @@
+"""The smooth course of measured PSFs, against the model they were drawn from."""
+
+import numpy as np
+import pytest
+
+from calib.build import smooth
+from calib.targets import Measurement
+from psflut.optics import Camera
+from psflut.psfs.pupil import Pupil
+
+CAMERA = Camera.of(16e-3, 6e-6, f_number=2, focus_distance=6.0)
+
+
+def course(count, noise, rng, size=31):
+    """True PSFs even in vergence, and noisy measurements of them."""
+    even = np.linspace(1 / 4.0, 1 / 1.2, count)
+    truth = np.stack([Pupil()(CAMERA, float(1 / v), size) for v in even])
+    std = noise * truth.max(axis=(1, 2), keepdims=True) * np.ones_like(truth)
+    noisy = truth + std * rng.standard_normal(truth.shape)
+    return even, truth, [Measurement(psf, error, 1) for psf, error in zip(noisy, std, strict=True)]
+
+
+@pytest.mark.parametrize("noise", [0.003, 0.03])
+def test_smoothing_brings_measurements_nearer_to_the_truth(noise, rng):
+    even, truth, measured = course(20, noise, rng)
+    raw = np.stack([each.psf for each in measured])
+    found = smooth(even, measured)
+    assert np.abs(found.psf - truth).sum() < 0.15 * np.abs(raw - truth).sum()
+    assert found.psf.min() >= 0
+    np.testing.assert_allclose(found.psf.sum(axis=(1, 2)), 1.0)
+
+
+def test_real_structure_is_not_smoothed_away(rng):
+    """Hardly any noise: rims move by whole pixels between positions, and must stay where they are."""
+    even, truth, measured = course(20, 1e-6, rng)
+    error = np.abs(smooth(even, measured).psf - truth).max(axis=(1, 2)) / truth.max(axis=(1, 2))
+    assert error.max() < 1e-3
+
+
+def test_standard_errors_are_honest(rng):
+    even, truth, measured = course(20, 0.02, rng)
+    found = smooth(even, measured)
+    lit = truth > 0.05 * truth.max(axis=(1, 2), keepdims=True)  # clipping at zero makes the dark pixels better
+    scaled = ((found.psf - truth) / found.std)[lit]
+    assert 1 / 1.3 < np.sqrt(np.mean(scaled**2)) < 1.3
+
+
+def test_few_positions_are_left_as_they_are(rng):
+    even, _, measured = course(4, 1e-9, rng)
+    found = smooth(even, measured)
+    np.testing.assert_allclose(found.psf, np.stack([each.psf for each in measured]), atol=1e-6)

@@ -1,11 +1,11 @@
 """Reading images as linear intensity, writing them as float32 TIFF."""
 
-import io
 import json
 import logging
 import re
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,6 +24,8 @@ SRGB_SLOPE = 2.4 / 1.055
 """Slope of the sRGB curve at full scale."""
 
 TIFF_STARTS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+TIFF_AXES = ("YX", "YXS", "SYX")
+RAW_SUFFIXES = (".arw", ".cr2", ".cr3", ".dng", ".nef", ".orf", ".raf", ".rw2")
 
 DEFAULT_SIDE = 256
 """Side of the patch that is taken where none is named, pixels."""
@@ -38,36 +40,73 @@ class Picture:
     image : (H, W) float64 array
     quantum : float
         Step between neighbouring levels near full scale, image units; 0 for float files.
+    saturated : (H, W) bool array or None
+        Where any channel of an integer file is at its full scale; None for float files.
     """
 
     image: NDArray[np.float64]
     quantum: float = 0.0
+    saturated: NDArray[np.bool_] | None = None
 
 
-def read_image(path: Path, gamma: float = 1.0, srgb: bool = False) -> Picture:
+def read_image(path: Path, gamma: float = 1.0, srgb: bool = False, page: int | None = None) -> Picture:
     """Linear luminance of an image file.
 
     Integers are divided by their full scale, floats are taken as they are and never clipped; ``gamma`` undoes
     an encoding by ``value ** gamma``, ``srgb`` the sRGB curve; colour becomes luminance, alpha is dropped.
-    Decoded are TIFF by tifffile and whatever Pillow knows.
+    Decoded are TIFF by tifffile, RAW by rawpy (the extra ``raw``) and whatever Pillow knows.
+
+    Parameters
+    ----------
+    page : int or None
+        Of a TIFF, from 0. Without it the file must hold a single picture.
 
     Raises
     ------
     PsflutError
-        If the file is missing, empty, truncated or no image; if it has more than one page, is not real and
-        numeric, or holds values that are not finite.
+        If the file is missing, empty, truncated or no image; if it lacks the page, or has several and none is
+        named; if it is not real and numeric, or holds values that are not finite.
     """
-    raw = _read(path)
+    raw = _read(path, page)
     _check(path, raw)
-    quantum = 0.0
+    if raw.ndim == 3:
+        raw = raw[..., :3] if raw.shape[-1] >= 3 else raw[..., 0]
+    quantum, saturated = 0.0, None
     values = raw.astype(np.float64)
     if np.issubdtype(raw.dtype, np.integer):
         full_scale = float(np.iinfo(raw.dtype).max)
         values, quantum = values / full_scale, 1.0 / full_scale
+        saturated = np.asarray(np.atleast_3d(values >= 1.0).any(axis=-1))
     values = linearise(values, gamma, srgb)
     if values.ndim == 3:
-        values = values[..., :3] @ LUMINANCE if values.shape[-1] >= 3 else values[..., 0]
-    return Picture(np.ascontiguousarray(values), quantum * (SRGB_SLOPE if srgb else gamma))
+        values = values @ LUMINANCE
+    return Picture(np.ascontiguousarray(values), quantum * (SRGB_SLOPE if srgb else gamma), saturated)
+
+
+def page_shapes(path: Path) -> tuple[tuple[int, int], ...]:
+    """Rows and columns of every page of an image file, from its headers.
+
+    Raises
+    ------
+    PsflutError
+        If the file is missing, empty or no image.
+    """
+    with _one_sentence(path):
+        if _is_tiff(path):
+            import tifffile
+
+            with tifffile.TiffFile(path) as file:
+                pages = [page.aspage() for page in file.pages]
+                if not pages:
+                    raise PsflutError("is a TIFF without a page; write or copy it again")
+                return tuple((page.imagelength, page.imagewidth) for page in pages)
+        if _is_raw(path):
+            with _open_raw(path) as raw:
+                return ((raw.sizes.height, raw.sizes.width),)
+        from PIL import Image
+
+        with Image.open(path) as picture:
+            return ((picture.height, picture.width),)
 
 
 def linearise(values: NDArray[np.float64], gamma: float = 1.0, srgb: bool = False) -> NDArray[np.float64]:
@@ -106,17 +145,28 @@ def crop(shape: tuple[int, ...], patch: str | None) -> tuple[slice, slice]:
     return slice(starts[0], starts[0] + sides[0]), slice(starts[1], starts[1] + sides[1])
 
 
-def _read(path: Path) -> NDArray[Any]:
+def _read(path: Path, page: int | None) -> NDArray[Any]:
+    with _one_sentence(path):
+        if _is_tiff(path):
+            return _read_tiff(path, page)
+        if page:
+            raise PsflutError(f"has one page, page 0, there is no page {page}; only a TIFF may have more")
+        return _read_raw(path) if _is_raw(path) else _read_picture(path.read_bytes())
+
+
+@contextmanager
+def _one_sentence(path: Path) -> Iterator[None]:
+    """Whatever goes wrong with an image file, as one sentence that names it."""
     if not path.is_file():
         raise PsflutError(f"no image file at {path}; check the path")
-    data = path.read_bytes()
-    if not data:
+    if path.stat().st_size == 0:
         raise PsflutError(f"{path} is empty; write or copy it again")
+    logging.getLogger("tifffile").addHandler(logging.NullHandler())  # its complaints come as our one sentence
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")  # Pillow only warns of some damage
             warnings.filterwarnings("ignore", message="Image size")  # large is not damaged
-            return _read_tiff(data) if data.startswith(TIFF_STARTS) else _read_picture(data)
+            yield
     except PsflutError as error:
         raise PsflutError(f"{path} {error}") from error
     except Exception as error:  # the readers' exceptions share no base class
@@ -124,19 +174,51 @@ def _read(path: Path) -> NDArray[Any]:
         raise PsflutError(f"cannot read {path} as an image ({reason}); write it again as PNG or TIFF") from error
 
 
-def _read_tiff(data: bytes) -> NDArray[Any]:
+def _is_raw(path: Path) -> bool:
+    return path.suffix.lower() in RAW_SUFFIXES
+
+
+def _is_tiff(path: Path) -> bool:
+    """Most RAW files are TIFF files too, whose first page is a thumbnail."""
+    with path.open("rb") as file:
+        return file.read(4) in TIFF_STARTS and not _is_raw(path)
+
+
+def _read_tiff(path: Path, page: int | None) -> NDArray[Any]:
     import tifffile
 
-    logging.getLogger("tifffile").addHandler(logging.NullHandler())  # its complaints come as our one sentence
-    with tifffile.TiffFile(io.BytesIO(data)) as file:
-        series = file.series
-        if len(series) != 1 or series[0].axes not in ("YX", "YXS", "SYX"):
-            raise PsflutError(f"has {len(file.pages)} pages or more; give one grey or colour picture a file")
-        kind = file.pages.first.photometric
+    with tifffile.TiffFile(path) as file:
+        count = len(file.pages)
+        if page is None and (len(file.series) != 1 or file.series[0].axes not in TIFF_AXES):
+            raise PsflutError(f"has {count} pages or more; give one grey or colour picture a file")
+        if page is not None and not 0 <= page < count:
+            raise PsflutError(f"has {count} pages, counted from 0, and no page {page}; name one that it has")
+        chosen = file.pages[page or 0].aspage()
+        if chosen.axes not in TIFF_AXES:
+            raise PsflutError(f"has a page with the axes {chosen.axes}; write it as one grey or colour picture")
+        kind = chosen.photometric
         if kind not in (tifffile.PHOTOMETRIC.MINISBLACK, tifffile.PHOTOMETRIC.RGB):
             raise PsflutError(f"is a TIFF of kind {getattr(kind, 'name', kind)}; write it as grey levels or RGB")
-        raw = np.asarray(series[0].asarray())
-        return np.moveaxis(raw, 0, -1) if series[0].axes == "SYX" else raw
+        raw = np.asarray(chosen.asarray())
+        return np.moveaxis(raw, 0, -1) if chosen.axes == "SYX" else raw
+
+
+def _open_raw(path: Path) -> Any:
+    try:
+        import rawpy
+    except ImportError as error:
+        raise PsflutError("is a RAW file, which needs rawpy; install it with: pip install psflut[raw]") from error
+    return rawpy.imread(str(path))
+
+
+def _read_raw(path: Path) -> NDArray[Any]:
+    """Linear red, green and blue of 16 bits on the sensor's own pixels: no colour matrix, no brightening."""
+    with _open_raw(path) as raw:
+        return np.asarray(
+            raw.postprocess(
+                gamma=(1, 1), output_bps=16, no_auto_bright=True, output_color=0, user_wb=[1, 1, 1, 1], user_flip=0
+            )
+        )
 
 
 def _read_picture(data: bytes) -> NDArray[Any]:

@@ -1,12 +1,14 @@
 """Reading pictures as linear intensity: every kind of file that is taken, and every kind that is refused."""
 
+import sys
+
 import imageio.v3 as iio
 import numpy as np
 import pytest
 import tifffile
 
 from psflut.errors import PsflutError
-from psflut.images import LUMINANCE, crop, linearise, read_image, write_tiff
+from psflut.images import LUMINANCE, crop, linearise, page_shapes, read_image, write_tiff
 
 
 @pytest.fixture
@@ -178,3 +180,56 @@ def test_what_is_no_whole_picture_is_refused_in_one_sentence_that_names_it(damag
         assert "plugin" not in sentence, name
         assert ";" in sentence, f"{name}: no remedy in {sentence!r}"
     assert capfd.readouterr() == ("", "")
+
+
+def test_a_page_of_a_stack_is_read_as_the_file_of_one(tmp_path, rng):
+    for name, stack in (
+        ("grey", rng.integers(0, 256, (4, 20, 30), dtype=np.uint8)),
+        ("colour", rng.integers(0, 65536, (4, 20, 30, 3), dtype=np.uint16)),
+        ("float", rng.random((4, 20, 30)).astype(np.float32)),
+    ):
+        photometric = "rgb" if name == "colour" else "minisblack"
+        tifffile.imwrite(tmp_path / "stack.tif", stack, photometric=photometric)
+        assert page_shapes(tmp_path / "stack.tif") == ((20, 30),) * 4
+        for page, frame in enumerate(stack):
+            tifffile.imwrite(tmp_path / "one.tif", frame, photometric=photometric)
+            one, same = read_image(tmp_path / "one.tif"), read_image(tmp_path / "one.tif", page=0)
+            read = read_image(tmp_path / "stack.tif", page=page)
+            np.testing.assert_array_equal(read.image, one.image)
+            np.testing.assert_array_equal(same.image, one.image)
+            assert read.quantum == one.quantum
+        for page in (4, -1):
+            with pytest.raises(PsflutError, match=f"4 pages, counted from 0, and no page {page}"):
+                read_image(tmp_path / "stack.tif", page=page)
+
+
+def test_other_files_than_tiff_have_one_page(tmp_path, grey):
+    iio.imwrite(tmp_path / "a.png", grey)
+    assert page_shapes(tmp_path / "a.png") == ((20, 30),)
+    np.testing.assert_array_equal(read_image(tmp_path / "a.png", page=0).image, read_image(tmp_path / "a.png").image)
+    with pytest.raises(PsflutError, match="no page 1"):
+        read_image(tmp_path / "a.png", page=1)
+
+
+def test_saturated_is_where_a_channel_is_at_full_scale(tmp_path, grey):
+    iio.imwrite(tmp_path / "a.png", grey)
+    np.testing.assert_array_equal(read_image(tmp_path / "a.png", gamma=2.2).saturated, grey == 255)
+    colour = np.stack([grey, np.full_like(grey, 9), np.full_like(grey, 9)], axis=-1)
+    iio.imwrite(tmp_path / "c.png", colour)
+    np.testing.assert_array_equal(read_image(tmp_path / "c.png", srgb=True).saturated, grey == 255)
+    tifffile.imwrite(tmp_path / "f.tif", np.ones((20, 30), np.float32))
+    assert read_image(tmp_path / "f.tif").saturated is None
+
+
+def test_a_raw_file_names_the_extra_that_reads_it(tmp_path, grey, monkeypatch):
+    monkeypatch.setitem(sys.modules, "rawpy", None)
+    tifffile.imwrite(tmp_path / "a.dng", grey)  # as a thumbnail would be
+    for read in (read_image, page_shapes):
+        with pytest.raises(PsflutError, match=r"a\.dng is a RAW file, which needs rawpy; .* psflut\[raw\]"):
+            read(tmp_path / "a.dng")
+
+
+def test_the_headers_of_what_is_no_picture_are_refused_as_its_pixels_are(damage):
+    for name in ("missing.png", "empty.tif", "garbage.png", "garbage.tif", "words.jpg", "folder.png"):
+        with pytest.raises(PsflutError, match=name):
+            page_shapes(damage / name)

@@ -1,0 +1,70 @@
+"""Frames of real captures as linear intensity: read when asked for, one position at a time."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.manifest import Manifest, Row, read_manifest
+from calib.targets import Shot
+from psflut.errors import PsflutError
+from psflut.images import page_shapes, read_image
+
+__all__ = ["Manifest", "Row", "read_dark", "read_manifest", "shots"]
+
+Floats = NDArray[np.float64]
+
+
+def read_dark(dark: str | Path, gamma: float = 1.0, srgb: bool = False) -> float | Floats:
+    """The dark level, image units: a number, or the mean of all pages of an image taken without light."""
+    try:
+        level = float(str(dark))
+    except ValueError:
+        pages = range(len(page_shapes(Path(dark))))
+        return np.asarray(np.mean([read_image(Path(dark), gamma, srgb, page).image for page in pages], axis=0))
+    if not math.isfinite(level):
+        raise PsflutError(f"a dark level must be finite, got {dark}; image units run from 0 to 1")
+    return level
+
+
+def shots(
+    manifest: Manifest, position: float, gamma: float = 1.0, srgb: bool = False, dark: float | Floats = 0.0
+) -> list[Shot]:
+    """The frames at one position, read now.
+
+    Parameters
+    ----------
+    position : float
+        One of `Manifest.positions`, metres.
+    gamma, srgb : float, bool
+        The encoding that is undone (`psflut.images.linearise`).
+    dark : float or (H, W) array
+        Dark level that is subtracted after that, image units (`read_dark`).
+
+    Returns
+    -------
+    list of Shot
+        Linear intensity; where an integer file is at its full scale, NaN.
+
+    Raises
+    ------
+    PsflutError
+        If a frame cannot be read, does not fit the dark frame, or is not above it anywhere.
+    """
+    return [_shot(manifest, row, gamma, srgb, dark) for row in manifest.rows if row.position == position]
+
+
+def _shot(manifest: Manifest, row: Row, gamma: float, srgb: bool, dark: float | Floats) -> Shot:
+    if np.ndim(dark) and np.shape(dark) != manifest.shape:
+        raise PsflutError(
+            f"the dark frame has {' x '.join(map(str, np.shape(dark)))} pixels, the frames of {manifest.path} have "
+            f"{' x '.join(map(str, manifest.shape))}; take it with their settings"
+        )
+    picture = read_image(row.file, gamma, srgb, row.page)
+    image = picture.image - dark
+    if not image.max() > 0:
+        raise PsflutError(f"{row.name} is nowhere above the dark level; give that in image units, full scale is 1")
+    if picture.saturated is not None:
+        image[picture.saturated] = np.nan
+    return Shot(image, row.position, row.name, row.centre)

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from psflut.errors import PsflutError
-from psflut.optics import Camera
+from psflut.optics import Camera, blur_radius
 
 
 class PSFModel(ABC):
@@ -36,3 +36,14 @@ class PSFModel(ABC):
     @abstractmethod
     def plane(self, camera: Camera, distance: float, size: int) -> NDArray[np.float64]:
         """What `__call__` returns, for arguments that are checked."""
+
+
+def disc_radius(camera: Camera, distance: float, size: int) -> float:
+    """Radius in pixels of the geometric blur disc, refused where `size` pixels do not hold it."""
+    radius = abs(float(blur_radius(camera, distance))) / camera.pixel_pitch
+    if not 2.0 * radius <= size:
+        raise PsflutError(
+            f"the blur disc at {distance} m must fit in {size} pixels, got {2.0 * radius:.1f} across; "
+            "take a larger size or a distance nearer the focus"
+        )
+    return radius

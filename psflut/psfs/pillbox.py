@@ -4,9 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from psflut.errors import PsflutError
-from psflut.optics import Camera, Floats, blur_radius
-from psflut.psfs import PSFModel
+from psflut.optics import Camera, Floats
+from psflut.psfs import PSFModel, disc_radius
 
 
 @dataclass(frozen=True)
@@ -25,12 +24,7 @@ class Pillbox(PSFModel):
 
     def plane(self, camera: Camera, distance: float, size: int) -> Floats:
         """See `PSFModel`."""
-        pixels = abs(float(blur_radius(camera, distance))) / camera.pixel_pitch
-        if not 2.0 * pixels <= size:
-            raise PsflutError(
-                f"the blur disc at {distance} m must fit in {size} pixels, got {2.0 * pixels:.1f} across; "
-                "take a larger size or a distance nearer the focus"
-            )
+        pixels = disc_radius(camera, distance, size)
         # Any disc inside the central pixel is the same delta: the floor only keeps the division finite.
         edges = np.linspace(-size / 2.0, size / 2.0, size + 1) / max(pixels, 1e-9)
         corner = _corner_area(edges[np.newaxis, :], edges[:, np.newaxis])

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from scipy.fft import fft, irfft, next_fast_len
 
 from psflut.errors import PsflutError
-from psflut.optics import Camera, Floats, blur_radius, defocus_wavefront
-from psflut.psfs import PSFModel
+from psflut.optics import Camera, Floats, defocus_wavefront
+from psflut.psfs import PSFModel, disc_radius
 
 
 @dataclass(frozen=True)
@@ -56,12 +56,7 @@ class Pupil(PSFModel):
 
     def plane(self, camera: Camera, distance: float, size: int) -> Floats:
         """See `PSFModel`."""
-        radius = abs(float(blur_radius(camera, distance))) / camera.pixel_pitch
-        if not 2.0 * radius <= size:
-            raise PsflutError(
-                f"the blur disc at {distance} m must fit in {size} pixels, got {2.0 * radius:.1f} across; "
-                "take a larger size or a distance nearer the focus"
-            )
+        radius = disc_radius(camera, distance, size)
         # One pixel as a path difference across the pupil, in metres.
         pitch = camera.pixel_pitch * camera.aperture_diameter / camera.detector_distance
         # How far rays go, in pixels: no term is steeper than n (n + 2) / 2 waves per unit of rho.

@@ -1,0 +1,184 @@
+"""Bright points: one PSF, pixel integration included, fitted to all of them at their sub-pixel places."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft, ndimage, special
+
+from calib.superresolution import Fit, superresolve
+from calib.targets import Measurement, Shot, Target
+from calib.unfilter import unfilter
+from psflut.errors import PsflutError
+from psflut.imagers import Imager
+
+Floats = NDArray[np.float64]
+
+FOUND_SIGMAS = 6.0
+"""A point stands out of the smoothed frame by so many of its robust standard deviations."""
+
+UNLIKE, UNLIKE_MADS = 2.0, 5.0
+"""A point is unlike the rest if its residual power is so many times, and robust deviations above, the median."""
+
+COARSE_ROUNDS = 5
+"""Of a first fit by Fourier shifts, which settles the places."""
+
+LEAST_FINE = 4
+"""Points from which aliases can be told apart; fewer are averaged by Fourier shifts."""
+
+DRAWS = 200
+"""Of the noise, from which standard errors come: they are good to 5 %."""
+
+
+class _Stamp(NamedTuple):
+    """A point's window less its background, its centre less the window's (pixels), noise variance, and name."""
+
+    image: Floats
+    shift: Floats
+    variance: float
+    name: str
+
+
+@dataclass(frozen=True)
+class Point(Target):
+    """Bright points, one or many a frame, found or given by `Shot.centre` (then the only one of its frame).
+
+    A point i shows g_i(x) = a_i p(x - c_i) + b_i with p = L * h, pixel integration included. A PSF of a pixel
+    or two is under-sampled, and averaging by Fourier shifts or splines mixes its aliases up. Here p is fitted
+    beyond the pixels' Nyquist frequency to all points at once, and places and fluxes with it, as
+    `calib.superresolution` says. Measured on 18 points through an f/2 lens, the summed |error| is 0.009, 0.018
+    and 0.058 at blur radii of 9.5, 4.8 and 1.9 pixels; with Fourier shifts 0.034, 0.063 and 0.16. Fewer than
+    four points are averaged by Fourier shifts, and their standard errors (1.3 to 4 times too small) know
+    nothing of aliases.
+
+    The background b_i is the clipped mean around the PSF's window. L and a pinhole of finite size are taken out
+    by `calib.unfilter`, which also says where the mean comes from that L hides.
+
+    Parameters
+    ----------
+    pinhole : float
+        Diameter of each point's sharp image, pixels.
+    least_snr : float
+        Root of energy over noise sigma below which a point is too faint.
+    separation : float
+        Least distance between two points, in units of the PSF's size.
+    oversampling : int
+        Odd; how far beyond the pixels' sampling p is fitted. 1 is averaging by Fourier shift.
+    rounds : int
+        Of fitting p and the places in turn.
+    """
+
+    pinhole: float = 0.0
+    least_snr: float = 20.0
+    separation: float = 1.0
+    oversampling: int = 3
+    rounds: int = 15
+
+    def measure(self, shots: Sequence[Shot], size: int, imager: Imager) -> Measurement:
+        """See `Target`. Standard errors are those of independent noise, as large as the residuals say.
+
+        They are honest from eight points, and too large by up to twice from four to seven.
+        """
+        stamps, rejected = self._collect(shots, size, imager.signed)
+        while stamps:
+            images, shift, noise = (np.array(part) for part in list(zip(*stamps, strict=True))[:3])
+            coarse = superresolve(images, shift, noise, 1, COARSE_ROUNDS)  # the finer fit would bend to an outlier
+            bad = _unlike(coarse, noise)
+            if not bad.any():
+                finer = self.oversampling if len(stamps) >= LEAST_FINE else 1
+                fit = superresolve(images, coarse.shift, noise, finer, self.rounds)
+                return Measurement(*self._finish(fit, size, imager), len(stamps), tuple(rejected))
+            rejected += [f"{stamp.name}: shape unlike the rest" for stamp, out in zip(stamps, bad, strict=True) if out]
+            stamps = [stamp for stamp, out in zip(stamps, bad, strict=True) if not out]
+        reason = f"every point was rejected, as {rejected[0]}" if rejected else f"no point was found in {shots[0].name}"
+        raise PsflutError(f"{reason}; take points that stand out, below full scale, well apart and from the border")
+
+    def _collect(self, shots: Sequence[Shot], size: int, signed: bool) -> tuple[list[_Stamp], list[str]]:
+        """The points fit for use, and why others are not."""
+        stamps: list[_Stamp] = []
+        rejected: list[str] = []
+        for shot in shots:
+            places = _find(shot.image, size, signed) if shot.centre is None else np.array([shot.centre], dtype=float)
+            for place in places:
+                name = f"{shot.name} at y {place[0]:.0f}, x {place[1]:.0f}"
+                near = np.sum(np.hypot(*(places - place).T) < self.separation * size) > 1
+                stamp = "too near to another point" if near else _cut(shot.image, place, size, name, self.least_snr)
+                if isinstance(stamp, str):
+                    rejected.append(f"{name}: {stamp}")
+                else:
+                    stamps.append(stamp)
+        return stamps, rejected
+
+    def _finish(self, fit: Fit, size: int, imager: Imager) -> tuple[Floats, Floats]:
+        """PSF and standard error, of sum 1; imager and pinhole taken out where there are any."""
+        if self.pinhole > 0 or imager.kernel().size > 1:
+            return unfilter(fit.psf, fit.variance, _shown(imager, self.pinhole, len(fit.psf)), size)
+        around, crop = _around(len(fit.psf), size), slice((len(fit.psf) - size) // 2, (len(fit.psf) + size) // 2)
+
+        def psf(shown: Floats) -> Floats:
+            inner = (shown - shown[around].mean())[crop, crop]
+            return np.asarray(inner / inner.sum())
+
+        rng = np.random.default_rng(0)
+        return psf(fit.psf), np.std([psf(fit.draw(rng)) for _ in range(DRAWS)], axis=0)
+
+
+def _find(image: Floats, size: int, signed: bool) -> Floats:
+    """Places (N, 2) of what stands out of the frame; a signed imager shows only the rim of a large disc."""
+    light = np.where(np.isnan(image), 1.0, image) - np.nanmedian(image)
+    light = np.abs(light) if signed else light
+    smooth = ndimage.gaussian_filter(light, size / (4 if signed else 8)) - ndimage.gaussian_filter(light, size)
+    sigma = 1.4826 * np.median(np.abs(smooth - np.median(smooth)))
+    peak = smooth == ndimage.maximum_filter(smooth, size)
+    return np.argwhere(peak & (smooth > FOUND_SIGMAS * sigma + 1e-12)).astype(float)
+
+
+def _cut(image: Floats, place: Floats, size: int, name: str, least_snr: float) -> _Stamp | str:
+    """The stamp of a point, or why there is none."""
+    half = size // 2 + max(4, size // 6)
+    around = _around(2 * half + 1, size)
+    shift = np.zeros(2)
+    for _ in range(3):  # the place found may be some pixels off
+        place = np.rint(place + shift)
+        y, x = place.astype(int)
+        if min(y, x) < half or y + half >= image.shape[0] or x + half >= image.shape[1]:
+            return "too near to the border"
+        window = image[y - half : y + half + 1, x - half : x + half + 1]
+        if np.any(np.isnan(window)):
+            return "saturated"
+        level, variance = _background(window[around])
+        if np.sum((window - level) ** 2) < variance * (window.size + least_snr**2):
+            return "too faint"
+        light = ndimage.gaussian_filter(np.abs(window - level), 1.0)
+        shift = np.array(ndimage.center_of_mass(np.maximum(light - 0.3 * light.max(), 0.0))) - half
+    return _Stamp(window - level, shift, variance, name)
+
+
+def _background(around: Floats) -> tuple[float, float]:
+    """Level and variance of the pixels that lie within four robust deviations."""
+    away = np.abs(around - np.median(around))
+    kept = around[away <= 4 * 1.4826 * np.median(away) + 1e-12]
+    return float(kept.mean()), max(float(kept.var()), 1e-16)
+
+
+def _around(width: int, size: int) -> NDArray[np.bool_]:
+    """Which pixels of a window lie outside the PSF's own."""
+    line = np.abs(np.arange(width) - width // 2) > size // 2
+    return np.asarray(line[:, None] | line)
+
+
+def _unlike(fit: Fit, noise: Floats) -> NDArray[np.bool_]:
+    """Which points leave far more than the others do."""
+    left = np.log(np.mean(fit.residual**2, axis=(1, 2)) / noise)
+    above = left - np.median(left)
+    return np.asarray(above > max(np.log(UNLIKE), UNLIKE_MADS * 1.4826 * float(np.median(np.abs(above)))))
+
+
+def _shown(imager: Imager, pinhole: float, width: int) -> Floats:
+    """What imager and pinhole make of a point (W, W), centred."""
+    y, x = fft.fftfreq(width)[:, None], fft.rfftfreq(width)
+    radius = np.maximum(np.pi * pinhole * np.hypot(y, x), 1e-9)
+    transfer = imager.transfer((width, width)) * 2 * special.j1(radius) / radius
+    return np.asarray(fft.fftshift(fft.irfft2(transfer, (width, width))))

@@ -15,6 +15,7 @@ from pathlib import Path, PureWindowsPath
 
 from psflut.errors import PsflutError
 from psflut.images import page_shapes
+from psflut.table import Kind
 from psflut.units import METRES
 
 POSITIONS = ("distance_m", "distance_mm", "stage_m", "stage_mm", "stage_um")
@@ -53,7 +54,7 @@ class Manifest:
     """
 
     path: Path
-    kind: str
+    kind: Kind
     rows: tuple[Row, ...]
     shape: tuple[int, int]
 
@@ -96,7 +97,7 @@ def read_manifest(path: Path, least_positions: int = 1) -> Manifest:
             _add_frame(row, pages(row.file), shapes)
             _check_order(row.position, rows)
         rows.append(row)
-    manifest = Manifest(path, position.split("_")[0], tuple(rows), next(iter(shapes.values())))
+    manifest = Manifest(path, "stage" if position.startswith("stage") else "distance", tuple(rows), next(iter(shapes.values())))
     if len(manifest.positions) < least_positions:
         raise PsflutError(
             f"{path} has {len(manifest.positions)} distinct positions, expected {least_positions} or more; "

@@ -47,7 +47,7 @@ def words(facts: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("psf", f"{size} x {size} pixels of {format_length(facts['pixel_pitch_m'])}"),
         ("imager", facts["imager"]),
         ("noise", "not known" if facts["noise"] is None else f"read {facts['noise']['read']:.4g}"),
-        ("check", "none: built from a model" if facts["check"] is None else str(facts["check"])),
+        ("check", _check(facts["check"])),
     ]
     camera = facts["camera"]
     if camera is not None:
@@ -63,6 +63,9 @@ def words(facts: Mapping[str, Any]) -> list[tuple[str, str]]:
             ("blur", f"geometric radius {low:.2f} to {high:.2f} pixels"),
         ]
     made = facts["provenance"]
+    if "target" in made:
+        used, rejected = sum(made["used"]), len(made["rejected"])
+        rows.append(("measured", f"{made['target']}, {made['frames']} frames, {used} used and {rejected} rejected"))
     if "model" in made:
         settings = [f"{key} {_spell(key, value)}" for key, value in made["settings"].items() if value]
         rows.append(("model", ", ".join([made["model"], *settings])))
@@ -73,3 +76,11 @@ def _spell(setting: str, value: Any) -> str:
     if isinstance(value, list):
         return " ".join(_spell(setting, item) for item in value)
     return format_length(value) if setting == "wavelengths" else str(value)
+
+
+def _check(check: Mapping[str, Any] | None) -> str:
+    if check is None:
+        return "none"
+    error, shape = format_length(check["position_error_m"]), check["psf_error"]
+    left_out = f"{check['held_out_positions']} positions left out once"
+    return f"{left_out}: position error {error}, PSF error {shape:.1%} (medians)"

@@ -19,6 +19,7 @@ from psflut.optics import Camera
 from psflut.units import format_length
 
 Floats = NDArray[np.float64]
+Kind = Literal["distance", "stage"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +59,7 @@ class PSFTable:
     axis: Floats
     psf: Floats
     pixel_pitch: float
-    kind: Literal["distance", "stage"] = "distance"
+    kind: Kind = "distance"
     camera: Camera | None = None
     imager: str = "plain"
     noise: Noise | None = None

@@ -1,0 +1,131 @@
+"""From a folder of frames at known positions to a table: what `psflut calibrate` does."""
+
+import hashlib
+import os
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.captures import shots
+from calib.check import facts, hold_out, table_of
+from calib.manifest import Manifest
+from calib.photons import photon_transfer
+from calib.targets import Measurement, Target
+from psflut import family
+from psflut.errors import PsflutError
+from psflut.imagers import Imager
+from psflut.noise import Noise
+from psflut.optics import Camera
+from psflut.table import PSFTable
+
+Floats = NDArray[np.float64]
+
+
+LEAST_FOR_CHECK = 4
+"""Positions from which on one can be left out and three still make a table."""
+
+
+@dataclass(frozen=True)
+class Encoding:
+    """How frames hold light: what is undone when they are read.
+
+    Parameters
+    ----------
+    gamma, srgb : float, bool
+        See `psflut.images.linearise`.
+    dark : float or (H, W) array
+        Dark level, image units.
+    """
+
+    gamma: float = 1.0
+    srgb: bool = False
+    dark: float | Floats = 0.0
+
+
+def calibrate(
+    manifest: Manifest,
+    target: Target,
+    size: int,
+    pixel_pitch: float,
+    *,
+    imager: Imager,
+    camera: Camera | None = None,
+    encoding: Encoding | None = None,
+    progress: Callable[[int], object] = lambda positions: None,
+) -> PSFTable:
+    """Measure the PSF at every position of a manifest and lay a smooth course through them.
+
+    The table keeps the standard errors of its PSFs, the noise of the camera where positions were taken more than
+    once (`calib.photons`), and what was used and rejected; its date is that of the calibration.
+
+    Parameters
+    ----------
+    size : int
+        Side of a PSF, pixels, odd.
+    pixel_pitch : float
+        Metres on the detector.
+    imager : Imager
+        What the camera's own output went through.
+    progress : callable
+        Hears of every position measured.
+
+    Raises
+    ------
+    PsflutError
+        If a frame cannot be read, or a position shows no target; the sentence names it.
+    """
+    encoding = encoding or Encoding()
+    if size < 3 or size % 2 == 0:
+        raise PsflutError(f"the size of a PSF must be odd and at least 3, got {size}")
+    measured = []
+    for position in manifest.positions:
+        measured.append(_measure(manifest, position, target, size, imager, encoding))
+        progress(1)
+    axis = np.array(manifest.positions)
+    return replace(
+        table_of(axis, manifest.kind, measured, pixel_pitch),
+        camera=camera,
+        imager=family.describe(imager),
+        noise=_noise(manifest, encoding),
+        provenance=_provenance(manifest, target, measured),
+        check=facts(hold_out(axis, manifest.kind, measured, pixel_pitch)) if len(axis) >= LEAST_FOR_CHECK else None,
+    )
+
+
+def _measure(
+    manifest: Manifest, position: float, target: Target, size: int, imager: Imager, encoding: Encoding
+) -> Measurement:
+    frames = shots(manifest, position, encoding.gamma, encoding.srgb, encoding.dark)
+    return target.measure(frames, size, imager)
+
+
+def _noise(manifest: Manifest, encoding: Encoding) -> Noise | None:
+    """From repeated frames; None where there are none, or where they differ by more than independent noise."""
+    repeats = (
+        [shot.image for shot in shots(manifest, position, encoding.gamma, encoding.srgb, encoding.dark)]
+        for position in manifest.repeated
+    )
+    dark = float(np.mean(encoding.dark))
+    try:
+        noise = photon_transfer(repeats, offset=0.0 if dark else None)
+    except PsflutError:  # compressed frames, say: the noise stays unknown, and estimates look for it themselves
+        return None
+    return None if noise is None else replace(noise, offset=noise.offset + dark)
+
+
+def _provenance(manifest: Manifest, target: Target, measured: list[Measurement]) -> dict[str, Any]:
+    digest = hashlib.sha256(manifest.path.read_bytes())
+    for file in sorted({row.file for row in manifest.rows}):
+        digest.update(file.read_bytes())
+    return {
+        "target": family.describe(target),
+        "frames": len(manifest.rows),
+        "captures_sha256": digest.hexdigest(),
+        "used": [each.used for each in measured],
+        "rejected": [reason for each in measured for reason in each.rejected],
+        "date": int(os.environ.get("SOURCE_DATE_EPOCH", time.time())),
+    }

@@ -97,7 +97,8 @@ def read_manifest(path: Path, least_positions: int = 1) -> Manifest:
             _add_frame(row, pages(row.file), shapes)
             _check_order(row.position, rows)
         rows.append(row)
-    manifest = Manifest(path, "stage" if position.startswith("stage") else "distance", tuple(rows), next(iter(shapes.values())))
+    kind: Kind = "stage" if position.startswith("stage") else "distance"
+    manifest = Manifest(path, kind, tuple(rows), next(iter(shapes.values())))
     if len(manifest.positions) < least_positions:
         raise PsflutError(
             f"{path} has {len(manifest.positions)} distinct positions, expected {least_positions} or more; "

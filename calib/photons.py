@@ -17,7 +17,7 @@ from psflut.noise import Noise
 Floats = NDArray[np.float64]
 
 LEAST = 200
-"""Pixels of the smallest bin of signal."""
+"""Pixels of a bin of signal, or more; levels that many pixels share may leave half of it."""
 
 ALIKE = 0.1
 """Correlation of neighbouring differences above which a bin is not noise alone."""
@@ -112,10 +112,9 @@ def _neighbours(image: Floats) -> Floats:
 
 
 def _edges(signal: Floats) -> Floats:
-    """Between 32 bins of as many pixels, the first and the last halved on and on: few pixels are bright."""
-    ends = 2.0 ** -np.arange(6.0, max(np.log2(signal.size / LEAST), 6.0))
-    shares = np.sort(np.concatenate([np.linspace(0.0, 1.0, 33)[1:-1], ends, 1.0 - ends]))
-    return np.unique(np.quantile(signal, shares, method="nearest"))
+    """Between bins of as many pixels, 32 of them where the frame is large enough."""
+    bins = int(np.clip(signal.size // LEAST, 1, 32))
+    return np.unique(np.quantile(signal, np.arange(1, bins) / bins, method="nearest"))
 
 
 def fit_line(signal: Floats, variance: Floats, count: Floats) -> tuple[float, float, float]:

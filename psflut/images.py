@@ -101,7 +101,7 @@ def page_shapes(path: Path) -> tuple[tuple[int, int], ...]:
                     raise PsflutError("is a TIFF without a page; write or copy it again")
                 return tuple((page.imagelength, page.imagewidth) for page in pages)
         if _is_raw(path):
-            with _open_raw(path) as raw:
+            with _rawpy().imread(str(path)) as raw:
                 return ((raw.sizes.height, raw.sizes.width),)
         from PIL import Image
 
@@ -203,22 +203,27 @@ def _read_tiff(path: Path, page: int | None) -> NDArray[Any]:
         return np.moveaxis(raw, 0, -1) if chosen.axes == "SYX" else raw
 
 
-def _open_raw(path: Path) -> Any:
+def _rawpy() -> Any:
     try:
         import rawpy
     except ImportError as error:
         raise PsflutError("is a RAW file, which needs rawpy; install it with: pip install psflut[raw]") from error
-    return rawpy.imread(str(path))
+    return rawpy
 
 
 def _read_raw(path: Path) -> NDArray[Any]:
     """Linear red, green and blue of 16 bits on the sensor's own pixels: no colour matrix, no brightening."""
-    with _open_raw(path) as raw:
-        return np.asarray(
-            raw.postprocess(
-                gamma=(1, 1), output_bps=16, no_auto_bright=True, output_color=0, user_wb=[1, 1, 1, 1], user_flip=0
-            )
-        )
+    rawpy = _rawpy()
+    settings = {
+        "gamma": (1, 1),
+        "output_bps": 16,
+        "no_auto_bright": True,
+        "output_color": rawpy.ColorSpace.raw,
+        "user_wb": [1, 1, 1, 1],
+        "user_flip": 0,
+    }
+    with rawpy.imread(str(path)) as raw:
+        return np.asarray(raw.postprocess(**settings))
 
 
 def _read_picture(data: bytes) -> NDArray[Any]:

@@ -229,6 +229,30 @@ def test_a_raw_file_names_the_extra_that_reads_it(tmp_path, grey, monkeypatch):
             read(tmp_path / "a.dng")
 
 
+def test_a_raw_file_is_linear_above_its_black_level(tmp_path):
+    pytest.importorskip("rawpy", reason="RAW files are an extra")
+    signal = np.tile(np.linspace(0.1, 0.6, 96), (64, 1))
+    black, white = 256, 4095
+    mosaic = np.rint(black + signal * (white - black)).astype(np.uint16)
+    mosaic[20:30, 20:30] = white
+    identity = (1, 1, 0, 1, 0, 1, 0, 1, 0, 1, 1, 1, 0, 1, 0, 1, 1, 1)
+    digital_negative = [  # the tags that a DNG must have
+        (50706, "B", 4, bytes([1, 4, 0, 0]), True),
+        (50708, "s", 0, "none", True),
+        (33421, "H", 2, (2, 2), True),
+        (33422, "B", 4, bytes([0, 1, 1, 2]), True),
+        (50714, "H", 1, black, True),
+        (50717, "H", 1, white, True),
+        (50721, "2i", 9, identity, True),
+        (50728, "2I", 3, (1,) * 6, True),
+    ]
+    tifffile.imwrite(tmp_path / "a.dng", mosaic, photometric="cfa", extratags=digital_negative, metadata=None)
+    picture = read_image(tmp_path / "a.dng")
+    assert page_shapes(tmp_path / "a.dng") == (picture.image.shape,) == ((64, 96),)
+    np.testing.assert_allclose(picture.image[4:16, 4:-4], signal[4:16, 4:-4], atol=3e-4)
+    assert np.argwhere(picture.saturated)[[0, -1]].tolist() == [[20, 20], [29, 29]]
+
+
 def test_the_headers_of_what_is_no_picture_are_refused_as_its_pixels_are(damage):
     for name in ("missing.png", "empty.tif", "garbage.png", "garbage.tif", "words.jpg", "folder.png"):
         with pytest.raises(PsflutError, match=name):

@@ -63,10 +63,28 @@ def test_quantisation_counts_as_read_noise():
 
 
 def test_saturated_and_black_pixels_do_not_bend_the_line():
-    noise = photon_transfer(camera(4, 1000.0, 0.01, frames=4, bits=12, full=1.4), OFFSET)
+    noise = photon_transfer(camera(4, 100.0, 0.03, frames=4, bits=12, full=3.0), OFFSET)
+    assert noise.gain == pytest.approx(100.0, rel=0.08)
+    black = [[np.maximum(f - 0.25, 0.0) for f in taken] for taken in camera(4, 300.0, 0.03, frames=4)]
+    assert np.mean(black[0][0] == 0.0) > 0.3
+    noise = photon_transfer(black, OFFSET - 0.25)
+    assert noise.gain == pytest.approx(300.0, rel=0.08)
+
+
+def test_points_of_which_some_are_saturated_still_give_a_gain(rng):
+    points = np.zeros((256, 256))
+    points.flat[rng.choice(points.size, 40, replace=False)] = rng.uniform(0.2, 1.4, 40)
+    light = ndimage.gaussian_filter(points, 2.0) * (8.0 * np.pi)
+    frames = [rng.poisson(light * 1000.0) / 1000.0 + OFFSET + rng.normal(0.0, 0.004, light.shape) for _ in range(8)]
+    noise = photon_transfer([[digitised(frame, 12) for frame in frames]], OFFSET)
     assert noise.gain == pytest.approx(1000.0, rel=0.05)
-    black = [[np.where(f < 0.05, 0.0, f - 0.05) for f in taken] for taken in camera(4, 1000.0, 0.01, frames=4)]
-    assert photon_transfer(black, OFFSET - 0.05).gain == pytest.approx(1000.0, rel=0.05)
+    assert noise.read == pytest.approx(0.004, rel=0.02)
+
+
+def test_frames_that_are_clipped_everywhere_are_refused():
+    for level in (0.0, np.nan):
+        with pytest.raises(PsflutError, match="all clipped"):
+            photon_transfer([[np.full((64, 64), level)] * 2])
 
 
 def test_pixels_are_not_sorted_by_their_own_noise():

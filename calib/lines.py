@@ -97,7 +97,8 @@ def straight(mask: NDArray[np.bool_], direction: Floats, shortest: float) -> Ite
     for run in sorted(runs, key=len, reverse=True):
         if taken[*run.T].mean() > 0.3:  # the octants overlap, and edges may be broken
             continue
-        inliers = measure.ransac(run.astype(float), measure.LineModelND, 2, 1.0, max_trials=100, rng=0)[1]
+        model = measure.LineModelND
+        inliers = measure.ransac(run.astype(float), model, 2, 1.0, stop_probability=0.999, rng=0)[1]
         if inliers is None:
             continue
         pixels = run[inliers].astype(float)

@@ -9,7 +9,7 @@ from scipy import linalg, optimize, signal
 
 Floats = NDArray[np.float64]
 
-FINE = 32
+FINE = 20
 """Places a pixel at which rings, pixels and kernels are integrated."""
 
 

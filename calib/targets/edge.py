@@ -47,7 +47,7 @@ class Edge(Target):
         How far from the centre of a shot, where that is given, an edge may begin; pixels.
     """
 
-    shortest: float = 12.0
+    shortest: float = 8.0
     straightness: float = 0.3
     contrast: float = 5.0
     smooth: float = 2.0
@@ -83,7 +83,7 @@ class Edge(Target):
         self, image: Floats, mask: NDArray[np.bool_], line: lines.Line, size: int, kernel: Floats
     ) -> "_Sampled":
         """Located and sampled as widely as its blur asks for, which the first looks tell."""
-        if line.inliers < 0.8:
+        if line.inliers < 0.6:
             raise PsflutError("is curved")
         reach = min(size / 2.0, 6.0)
         for _ in range(3):

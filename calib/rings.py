@@ -83,11 +83,11 @@ class Rings:
     def _binned(self, fine: Floats, cell: NDArray[np.int_], cells: int) -> Floats:
         """The rings summed over the places of a cell, times their area: (cells, count); cell counts from 0."""
         radius = np.hypot(fine[:, None], fine) / self.width
-        inner = np.minimum(radius.astype(int), self.count)
-        share = np.clip(radius - inner, 0.0, 1.0)
-        sums = np.zeros(cells * (self.count + 2))
-        for ring, height in ((inner, 1.0 - share), (inner + 1, share)):
-            sums += np.bincount((cell * (self.count + 2) + ring).ravel(), height.ravel(), len(sums))
+        within = radius < self.count
+        inner, share = np.divmod(radius[within], 1.0)
+        first = cell[within] * (self.count + 1) + inner.astype(int)
+        sums = np.bincount(first, 1.0 - share, cells * (self.count + 1))
+        sums += np.bincount(first + 1, share, len(sums))
         return np.asarray(sums.reshape(cells, -1)[:, : self.count] / FINE**2)
 
 

@@ -50,7 +50,7 @@ def blurred(share, distance, side=SIDE, margin=18, dark=0.08, bright=0.7):
     return picture.reshape(side + 2 * margin, SPLIT, side + 2 * margin, SPLIT).mean(axis=(1, 3))
 
 
-def shot(picture, seed, imager=None, gain=4e4, read=0.001, bits=12, margin=18):
+def shot(picture, seed, imager=None, gain=8e4, read=0.001, bits=12, margin=18):
     """A frame: photon noise, the imager, read noise, quantisation (of a plain one)."""
     rng = np.random.default_rng(seed)
     frame = rng.poisson(picture * gain) / gain

@@ -86,12 +86,13 @@ def calibrate(
         measured.append(_measure(manifest, position, target, size, imager, encoding))
         progress(1)
     axis = np.array(manifest.positions)
+    noise, why_not = _noise(manifest, encoding)
     return replace(
         table_of(axis, manifest.kind, measured, pixel_pitch),
         camera=camera,
         imager=family.describe(imager),
-        noise=_noise(manifest, encoding),
-        provenance=_provenance(manifest, target, measured),
+        noise=noise,
+        provenance={**_provenance(manifest, target, measured), "noise_unknown": why_not},
         check=facts(hold_out(axis, manifest.kind, measured, pixel_pitch)) if len(axis) >= LEAST_FOR_CHECK else None,
     )
 
@@ -103,8 +104,8 @@ def _measure(
     return target.measure(frames, size, imager)
 
 
-def _noise(manifest: Manifest, encoding: Encoding) -> Noise | None:
-    """From repeated frames; None where there are none, or where they differ by more than independent noise."""
+def _noise(manifest: Manifest, encoding: Encoding) -> tuple[Noise | None, str]:
+    """The noise that repeated frames show, or None and why it stays unknown."""
     repeats = (
         [shot.image for shot in shots(manifest, position, encoding.gamma, encoding.srgb, encoding.dark)]
         for position in manifest.repeated
@@ -112,9 +113,11 @@ def _noise(manifest: Manifest, encoding: Encoding) -> Noise | None:
     dark = float(np.mean(encoding.dark))
     try:
         noise = photon_transfer(repeats, offset=0.0 if dark else None)
-    except PsflutError:  # compressed frames, say: the noise stays unknown, and estimates look for it themselves
-        return None
-    return None if noise is None else replace(noise, offset=noise.offset + dark)
+    except PsflutError as error:  # compressed frames, say; estimates then look for the noise themselves
+        return None, str(error)
+    if noise is None:
+        return None, "no position was taken twice"
+    return replace(noise, offset=noise.offset + dark), ""
 
 
 def _provenance(manifest: Manifest, target: Target, measured: list[Measurement]) -> dict[str, Any]:

@@ -46,7 +46,7 @@ def words(facts: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("axis", f"{facts['axis']}, {near} to {far}, {facts['planes']} planes"),
         ("psf", f"{size} x {size} pixels of {format_length(facts['pixel_pitch_m'])}"),
         ("imager", facts["imager"]),
-        ("noise", "not known" if facts["noise"] is None else f"read {facts['noise']['read']:.4g}"),
+        ("noise", _noise(facts)),
         ("check", _check(facts["check"])),
     ]
     camera = facts["camera"]
@@ -84,3 +84,11 @@ def _check(check: Mapping[str, Any] | None) -> str:
     error, shape = format_length(check["position_error_m"]), check["psf_error"]
     left_out = f"{check['held_out_positions']} positions left out once"
     return f"{left_out}: position error {error}, PSF error {shape:.1%} (medians)"
+
+
+def _noise(facts: Mapping[str, Any]) -> str:
+    noise, why = facts["noise"], facts["provenance"].get("noise_unknown", "")
+    if noise is None:
+        return f"not known: {why}" if why else "not known"
+    shot = f", {noise['gain']:.0f} photo-electrons at full scale" if noise["gain"] else ""
+    return f"read {noise['read']:.4g}{shot}"

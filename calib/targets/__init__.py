@@ -19,7 +19,7 @@ class Shot:
     Parameters
     ----------
     image : (H, W) array
-        Linear intensity, full scale 1, dark level not yet subtracted; saturated pixels are NaN.
+        Linear intensity, full scale 1, less the dark level where that is known; saturated pixels are NaN.
     position : float
         Object distance or stage coordinate, metres.
     name : str

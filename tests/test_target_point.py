@@ -149,3 +149,10 @@ def test_a_target_that_cannot_be_measured_is_refused(rng, spoil, sentence):
     picture = spoil(photograph(1.63, 25, rng), rng)
     with pytest.raises(PsflutError, match=sentence):
         Point().measure([Shot(picture, 1.63, "shot")], 25, Plain())
+
+
+def test_a_brighter_neighbour_is_not_measured_in_a_points_place(rng):
+    picture = photograph(2.37, 21, rng)
+    picture = picture + 3 * np.roll(picture, 11, axis=1)
+    with pytest.raises(PsflutError, match="other light beside it"):
+        Point().measure([Shot(picture, 2.37, "shot", centre=(28.0, 28.0))], 21, Plain())

@@ -79,7 +79,8 @@ class Point(Target):
     def measure(self, shots: Sequence[Shot], size: int, imager: Imager) -> Measurement:
         """See `Target`. Standard errors are those of independent noise, as large as the residuals say.
 
-        They are honest from eight points, and too large by up to twice from four to seven.
+        Of 18 points, errors were 0.93 to 0.95 of them over the window, and 1.1 to 1.3 in the bright part, where
+        the shared centre errs too. From four to seven points they are too large, by up to twice.
         """
         stamps, rejected = self._collect(shots, size, imager.signed)
         while stamps:
@@ -131,7 +132,7 @@ def _find(image: Floats, size: int, signed: bool) -> Floats:
     light = np.abs(light) if signed else light
     smooth = ndimage.gaussian_filter(light, size / (4 if signed else 8)) - ndimage.gaussian_filter(light, size)
     sigma = 1.4826 * np.median(np.abs(smooth - np.median(smooth)))
-    peak = smooth == ndimage.maximum_filter(smooth, size)
+    peak = smooth == ndimage.maximum_filter(smooth, size if signed else size // 2)
     return np.argwhere(peak & (smooth > FOUND_SIGMAS * sigma + 1e-12)).astype(float)
 
 
@@ -139,9 +140,11 @@ def _cut(image: Floats, place: Floats, size: int, name: str, least_snr: float) -
     """The stamp of a point, or why there is none."""
     half = size // 2 + max(4, size // 6)
     around = _around(2 * half + 1, size)
-    shift = np.zeros(2)
+    start, shift = place, np.zeros(2)
     for _ in range(3):  # the place found may be some pixels off
         place = np.rint(place + shift)
+        if np.hypot(*(place - start)) > size / 4:
+            return "other light beside it"
         y, x = place.astype(int)
         if min(y, x) < half or y + half >= image.shape[0] or x + half >= image.shape[1]:
             return "too near to the border"

@@ -92,7 +92,7 @@ def straight(mask: NDArray[np.bool_], direction: Floats, shortest: float) -> Ite
     for octant in range(8):
         near = np.cos(direction - octant * np.pi / 4) > np.cos(np.pi / 6)
         regions = measure.regionprops(measure.label(mask & near, connectivity=2))
-        runs += [region.coords for region in regions if len(region.coords) >= 0.5 * shortest]
+        runs += [region.coords for region in regions if len(region.coords) >= shortest]
     taken = np.zeros(mask.shape, bool)
     for run in sorted(runs, key=len, reverse=True):
         if taken[*run.T].mean() > 0.3:  # the octants overlap, and edges may be broken

@@ -170,6 +170,10 @@ def disc(y, x):
     return np.clip((30 - np.hypot(y - MIDDLE[0], x - MIDDLE[1])) * SPLIT + 0.5, 0, 1)
 
 
+def bar(y, x):
+    return line(5)(y, x) * line(185, (MIDDLE[0] + 12, MIDDLE[1]))(y, x)
+
+
 def saturated(frame):
     return dataclasses.replace(frame, image=np.where(frame.image > 0.69, np.nan, frame.image))
 
@@ -182,6 +186,7 @@ def saturated(frame):
         (lambda: Shot(np.full((88, 88), np.nan), 1.0, "white"), "no straight edge found"),
         (lambda: saturated(shot(blurred(line(5), 1.5), 1)), "saturated"),
         (lambda: shot(blurred(disc, 1.5), 1), "is curved"),
+        (lambda: shot(blurred(bar, 1.5), 1), "another edge|too short"),
         (lambda: shot(blurred(line(5), 1.5, dark=0.40, bright=0.44), 1, gain=5e3), "low contrast"),
         (lambda: shot(blurred(line(0, (4.0, 44.0)), 1.5), 1), "near the border"),
     ],

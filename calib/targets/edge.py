@@ -32,6 +32,7 @@ class Edge(Target):
     Assumed: a rotationally symmetric PSF, the same along an edge; no light beyond 3 sigma + 2 pixels of the
     spread, sigma being that of the normal distribution nearest to it; white noise; even light on either side.
     An edge exactly along a row has one phase of sampling only, and leaves more of the PSF to the smoothness.
+    Standard errors do not count on a_j >= 0: near focus, where that tells most, they are two to four times too large.
 
     Parameters
     ----------

@@ -9,7 +9,7 @@ import pytest
 from psflut import family
 from psflut.errors import PsflutError
 
-FAMILIES = ("psflut.psfs", "psflut.imagers", "psflut.estimators")
+FAMILIES = ("psflut.psfs", "psflut.imagers", "psflut.estimators", "calib.targets")
 PARTS = [(group, name) for group in FAMILIES for name in family.names(group)]
 
 

@@ -14,7 +14,7 @@ from calib.captures import shots
 from calib.check import facts, hold_out, table_of
 from calib.manifest import Manifest
 from calib.photons import photon_transfer
-from calib.targets import Measurement, Target
+from calib.targets import Measurement, Shot, Target
 from psflut import family
 from psflut.errors import PsflutError
 from psflut.imagers import Imager
@@ -44,6 +44,10 @@ class Encoding:
     gamma: float = 1.0
     srgb: bool = False
     dark: float | Floats = 0.0
+
+    def shots(self, manifest: Manifest, position: float) -> list[Shot]:
+        """The frames at one position (metres), decoded."""
+        return shots(manifest, position, self.gamma, self.srgb, self.dark)
 
 
 def calibrate(
@@ -83,7 +87,7 @@ def calibrate(
         raise PsflutError(f"the size of a PSF must be odd and at least 3, got {size}")
     measured = []
     for position in manifest.positions:
-        measured.append(_measure(manifest, position, target, size, imager, encoding))
+        measured.append(target.measure(encoding.shots(manifest, position), size, imager))
         progress(1)
     axis = np.array(manifest.positions)
     noise, why_not = _noise(manifest, encoding)
@@ -97,19 +101,9 @@ def calibrate(
     )
 
 
-def _measure(
-    manifest: Manifest, position: float, target: Target, size: int, imager: Imager, encoding: Encoding
-) -> Measurement:
-    frames = shots(manifest, position, encoding.gamma, encoding.srgb, encoding.dark)
-    return target.measure(frames, size, imager)
-
-
 def _noise(manifest: Manifest, encoding: Encoding) -> tuple[Noise | None, str]:
     """The noise that repeated frames show, or None and why it stays unknown."""
-    repeats = (
-        [shot.image for shot in shots(manifest, position, encoding.gamma, encoding.srgb, encoding.dark)]
-        for position in manifest.repeated
-    )
+    repeats = ([shot.image for shot in encoding.shots(manifest, position)] for position in manifest.repeated)
     dark = float(np.mean(encoding.dark))
     try:
         noise = photon_transfer(repeats, offset=0.0 if dark else None)

@@ -5,6 +5,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
+from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -133,6 +134,11 @@ class Problem:
     def shape(self) -> tuple[int, int]:
         """Of the patch, in pixels."""
         return self.image.shape[0], self.image.shape[1]
+
+    @cached_property
+    def power(self) -> Floats:
+        """(K,) mean power of the patch in each annulus, image units squared."""
+        return annular_power(self.image)
 
     @property
     def mean_level(self) -> float:
@@ -270,8 +276,8 @@ def _is_flat(problem: Problem) -> bool:
     """
     rings = annuli(problem.shape)
     response = rings.mean(problem.imager.transfer(problem.shape) ** 2)
-    noise = problem.noise.read**2 + response * problem.noise.shot_variance(problem.mean_level)
-    excess = rings.effective * (annular_power(problem.image) / noise - 1)
+    noise = problem.noise.power(response, problem.mean_level)
+    excess = rings.effective * (problem.power / noise - 1)
     return bool(excess.sum() < TEXTURE_SIGMAS * np.sqrt(rings.effective.sum()))
 
 

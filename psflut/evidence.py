@@ -98,7 +98,12 @@ def bank(table: PSFTable, shape: tuple[int, int], imager: Imager, prior: Texture
 
 def noise_power(bank: Bank, noise: Noise, level: float) -> Floats:
     """N_k: read noise, and photon noise of a patch of that mean level, coloured by the imager."""
-    return noise.read**2 + bank.imager * noise.shot_variance(level)
+    return noise.power(bank.imager, level)
+
+
+def scene_power(attenuation: Floats, theta: Floats, bank: Bank) -> Floats:
+    """S_k |L|^2_k T_k, what the capture holds of the scene: attenuation (..., K), theta (..., J) -> (..., K)."""
+    return np.asarray(attenuation * np.exp(theta @ bank.basis.T))
 
 
 def log_likelihood(power: Floats, mean: Floats, shape: Floats) -> Floats:
@@ -113,7 +118,7 @@ def misfit(power: Floats, noise: Floats, bank: Bank, fit: Fit) -> float:
     another camera, a periodic pattern.
     """
     best = int(np.argmax(fit.log_evidence))
-    mean = bank.attenuation[best] * np.exp(bank.basis @ fit.theta[best]) + noise
+    mean = scene_power(bank.attenuation[best], fit.theta[best], bank) + noise
     ratio = power / mean
     return float(2 * np.mean(bank.shape * (ratio - 1 - np.log(ratio))))
 
@@ -126,14 +131,14 @@ def log_prior(theta: Floats, prior: TexturePrior) -> Floats:
 
 def log_joint(power: Floats, attenuation: Floats, noise: Floats, theta: Floats, bank: Bank) -> Floats:
     """ln p(P | z, theta) + ln p(theta): attenuation (..., K) at z, noise power (..., K), theta (..., J)."""
-    mean = attenuation * np.exp(theta @ bank.basis.T) + noise
+    mean = scene_power(attenuation, theta, bank) + noise
     return log_likelihood(power, mean, bank.shape) + log_prior(theta, bank.prior)
 
 
 def integrate(power: Floats, noise: Floats, bank: Bank) -> Fit:
     """The evidence of the powers (K,) under noise powers (K,) for all distances of the bank."""
     theta = _maximise(power, noise, bank)
-    scene = bank.attenuation * np.exp(theta @ bank.basis.T)
+    scene = scene_power(bank.attenuation, theta, bank)
     mean = scene + noise
     share, excess = scene / mean, power / mean
     weight = bank.shape * (share**2 * excess - share * (1 - share) * (excess - 1))
@@ -147,7 +152,7 @@ def _maximise(power: Floats, noise: Floats, bank: Bank) -> Floats:
     theta = np.tile(bank.prior.mean, (len(bank.even), 1))
     theta[:, 0] += _contrast(power, noise, bank)
     for _ in range(NEWTON_STEPS):
-        scene = bank.attenuation * np.exp(theta @ bank.basis.T)
+        scene = scene_power(bank.attenuation, theta, bank)
         mean = scene + noise
         share = scene / mean
         slope = (bank.shape * share * (power / mean - 1)) @ bank.basis - (

@@ -11,7 +11,6 @@ from psflut import evidence, restore, texture
 from psflut.density import Density
 from psflut.estimation import Problem
 from psflut.imagers import Imager
-from psflut.spectrum import annular_power
 from psflut.table import PSFTable
 
 Floats = NDArray[np.float64]
@@ -46,9 +45,8 @@ def grid(problem: Problem, candidates: int) -> Grid:
     """The grid posterior of a problem; equal posteriors come from equal settings, whoever asks."""
     bank = cached_bank(problem.table, problem.shape, problem.imager, candidates)
     noise = evidence.noise_power(bank, problem.noise, problem.mean_level)
-    power = annular_power(problem.image)
-    fit = evidence.integrate(power, noise, bank)
-    return Grid(bank, power, noise, fit, Density(bank.even, fit.log_evidence, problem.table.position))
+    fit = evidence.integrate(problem.power, noise, bank)
+    return Grid(bank, problem.power, noise, fit, Density(bank.even, fit.log_evidence, problem.table.position))
 
 
 def restored(problem: Problem, found: Grid, distance: float) -> Floats:
@@ -63,7 +61,7 @@ def restored(problem: Problem, found: Grid, distance: float) -> Floats:
     frequency[0, 0] = frequency[0, 1]
     scene = np.exp(texture.basis(frequency.ravel(), len(theta)) @ theta).reshape(frequency.shape)
     response = problem.imager.transfer(shape) ** 2
-    noise = problem.noise.read**2 + response * problem.noise.shot_variance(problem.mean_level)
+    noise = problem.noise.power(response, problem.mean_level)
     ratio = noise / np.maximum(scene * response, 1e-12 * noise)
     return np.asarray(restore.wiener(problem.image, problem.table.at(distance), ratio))
 

@@ -45,6 +45,10 @@ class Noise:
         """Variance of the photon noise at that level (image units)."""
         return 0.0 if self.gain is None else max(signal - self.offset, 0.0) / self.gain
 
+    def power(self, response: NDArray[np.float64], signal: float) -> NDArray[np.float64]:
+        """Mean power at frequencies where the imager has the squared response |L|^2: only photon noise is coloured."""
+        return self.read**2 + response * self.shot_variance(signal)
+
     def with_quantisation(self, bits: int) -> "Noise":
         """The same with the rounding to 2^bits levels added, a uniform error of variance step^2 / 12."""
         step = 1.0 / (2**bits - 1)

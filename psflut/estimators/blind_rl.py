@@ -95,7 +95,7 @@ class BlindRl(AbstractEstimator):
         noise = evidence.noise_power(fine, problem.noise, problem.mean_level)
         order = np.argsort(starts.even)
         scenes = _scenes(self._powers(problem), noise, starts)[order]
-        score = _score(annular_power(problem.image), noise, CubicSpline(starts.even[order], scenes)(fine.even), fine)
+        score = _score(problem.power, noise, CubicSpline(starts.even[order], scenes)(fine.even), fine)
         density = Density(fine.even, self.tempering * score, table.position)
         outcome, stats = judge(density)
         modes = density.modes()
@@ -140,7 +140,7 @@ def _scenes(power: Floats, noise: Floats, bank: evidence.Bank) -> Floats:
 
 def _score(power: Floats, noise: Floats, theta: Floats, bank: evidence.Bank) -> Floats:
     """(M,) log evidence, in nats, of a capture's powers (K,) with the scenes theta (M, J)."""
-    scene = bank.attenuation * np.exp(theta @ bank.basis.T)
+    scene = evidence.scene_power(bank.attenuation, theta, bank)
     weight = bank.shape * (scene / (scene + noise)) ** 2
     joint = evidence.log_joint(power, bank.attenuation, noise, theta, bank)
     return np.asarray(joint - 0.5 * np.linalg.slogdet(evidence.curvature(weight, bank))[1])

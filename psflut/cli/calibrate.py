@@ -1,0 +1,60 @@
+"""`psflut calibrate`: a table from real captures."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from psflut import family
+from psflut.cli import console
+from psflut.cli.options import Gamma, Overwrite, Srgb, TableOutput
+from psflut.errors import PsflutError
+
+
+def run(
+    captures: Annotated[Path, typer.Argument(metavar="CAPTURES.csv", help="The manifest beside the frames.")],
+    target: Annotated[str, typer.Option(help="point or edge; settings behind colons: point:pinhole=2.")],
+    output: TableOutput,
+    camera: Annotated[Path | None, typer.Option(help="A camera file, which names the pixel pitch.")] = None,
+    pixel_pitch: Annotated[str | None, typer.Option(help="With a unit, where there is no camera file: '6 um'.")] = None,
+    size: Annotated[int, typer.Option(help="Side of a PSF in pixels, odd.")] = 31,
+    imager: Annotated[str, typer.Option(help="What the frames went through: plain, laplacian:0.2, dog.")] = "plain",
+    dark: Annotated[str, typer.Option(help="Dark level in image units, or an image taken without light.")] = "0",
+    gamma: Gamma = 1.0,
+    srgb: Srgb = False,
+    figure: Annotated[Path | None, typer.Option(help="Also draw a contact sheet of the PSFs: FILE.png.")] = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Measure a table from real captures at known positions."""
+    from tqdm import tqdm
+
+    from calib.calibrate import Encoding
+    from calib.calibrate import calibrate as measure
+    from calib.captures import read_dark
+    from calib.manifest import read_manifest
+    from psflut.camera_file import read_camera
+    from psflut.files import refuse_overwrite
+    from psflut.store import check_target, write_table
+    from psflut.summary import summarise, words
+    from psflut.units import parse_length
+
+    lens = None if camera is None else read_camera(camera)
+    if (lens is None) == (pixel_pitch is None):
+        raise PsflutError("a table needs its pixel pitch: give either --camera or --pixel-pitch")
+    pitch = lens.pixel_pitch if lens else parse_length(pixel_pitch)
+    part, filtering = family.parse("calib.targets", target), family.parse("psflut.imagers", imager)
+    check_target(output, overwrite)
+    if figure is not None:
+        refuse_overwrite(figure, overwrite)
+    manifest = read_manifest(captures, least_positions=3)
+    encoding = Encoding(gamma, srgb, read_dark(dark, gamma, srgb))
+    with tqdm(total=len(manifest.positions), unit="position", disable=None) as bar:
+        table = measure(
+            manifest, part, size, pitch, imager=filtering, camera=lens, encoding=encoding, progress=bar.update
+        )
+    write_table(table, output, overwrite)
+    if figure is not None:
+        from psflut.plots import psfs, save
+
+        save(psfs(table), figure, overwrite)
+    console.print_rows(words(summarise(table)))

@@ -1,0 +1,84 @@
+"""`psflut estimate`: the distance of a patch."""
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from psflut import family
+from psflut.cli import console
+from psflut.cli.options import Gamma, ImagerOption, Json, NoiseOption, Srgb, TableOption
+from psflut.errors import PsflutError
+
+if TYPE_CHECKING:
+    from psflut.estimation import Estimate, Observation
+    from psflut.images import Picture
+
+METHODS = ", ".join(family.names("psflut.estimators"))
+
+
+def run(
+    images: Annotated[list[str], typer.Argument(help="Captures: PNG, TIFF, JPEG ...", metavar="IMAGE...")],
+    table: TableOption,
+    method: Annotated[
+        str,
+        typer.Option(help=f"{METHODS}; several with commas between, settings behind colons: wiener:candidates=200."),
+    ] = "wiener",
+    noise: NoiseOption = None,
+    imager: ImagerOption = None,
+    scene: Annotated[
+        Path | None, typer.Option(help="The ideal image, where it is known: as large as the capture, decoded as it is.")
+    ] = None,
+    patch: Annotated[
+        str | None,
+        typer.Option(help="Y,X,SIZE or Y,X,HxW: top left corner and sides in pixels. Default: the centred 256."),
+    ] = None,
+    level: Annotated[float, typer.Option(min=0, max=1, help="Probability of the interval.")] = 0.95,
+    as_json: Json = False,
+    gamma: Gamma = 1.0,
+    srgb: Srgb = False,
+) -> None:
+    """Estimate the distance of a patch, by one method or several."""
+    from psflut.estimation import estimate as solve
+    from psflut.images import read_image
+    from psflut.store import read_table
+
+    tabled = read_table(table)
+    family.parse("psflut.imagers", imager or tabled.imager)
+    estimators = {name.strip(): family.parse("psflut.estimators", name) for name in method.split(",")}
+    known = None if scene is None else read_image(scene, gamma, srgb)
+    found: list[tuple[str, str, Estimate]] = []
+    try:
+        for image in images:
+            picture = read_image(Path(image), gamma, srgb)
+            with console.about(image):
+                observation = _observation(picture, noise, imager, known, patch)
+                for name, estimator in estimators.items():
+                    found.append((image, name, solve(observation, tabled, estimator, level)))
+                    if as_json:
+                        print(json.dumps(console.record(*found[-1])), flush=True)
+            console.say_estimated_noise(image, found[-1][-1])
+        console.say_what_wins(tabled, noise, imager)
+    finally:  # what was found before a refusal is shown
+        if not as_json:
+            console.show(found)
+
+
+def _observation(
+    picture: "Picture", noise: str | None, imager: str | None, known: "Picture | None", patch: str | None
+) -> "Observation":
+    from psflut.estimation import Observation
+    from psflut.images import crop
+    from psflut.noise import parse_noise
+
+    if known is not None and known.image.shape != picture.image.shape:
+        raise PsflutError(f"the scene has the shape {known.image.shape}, not {picture.image.shape}; they must agree")
+    window = crop(picture.image.shape, patch)
+    return Observation(
+        picture.image[window],
+        noise=None if noise is None else parse_noise(noise, picture.image[window]),
+        imager=imager,
+        scene=None if known is None else known.image[window],
+        quantum=picture.quantum,
+    )

@@ -152,6 +152,8 @@ class AbstractEstimator(ABC):
 
     uses_scene: ClassVar[bool] = False
     """Whether it can use a known ideal image."""
+    sees_flat: ClassVar[bool] = False
+    """Whether it tells by itself that a patch shows nothing, by `nothing_to_see`."""
 
     @abstractmethod
     def solve(self, problem: Problem) -> Estimate:
@@ -186,7 +188,8 @@ def estimate(
     method = family.parse("psflut.estimators", estimator) if isinstance(estimator, str) else estimator
     problem = _door(observation, table, method, level)
     start = time.perf_counter()
-    result = _nothing_to_see(problem) if _is_flat(problem) else method.solve(problem)
+    flat = not method.sees_flat and _is_flat(problem)
+    result = nothing_to_see(problem) if flat else method.solve(problem)
     if result.outcome is not Outcome.FLAT and np.mean(problem.image == 1.0) >= SATURATED_SHARE:
         result = replace(result, outcome=Outcome.SATURATED)
     stats = {
@@ -211,6 +214,13 @@ def prior_density(table: PSFTable) -> Density:
     """What is known before the patch is seen: flat in vergence (or stage) over the table's span."""
     even = np.sort(table.even(table.candidates(8)))
     return Density(even, np.zeros_like(even), table.position)
+
+
+def nothing_to_see(problem: Problem) -> Estimate:
+    """The answer to a patch that says nothing of distance: FLAT, with what was known before."""
+    density = prior_density(problem.table)
+    modes = density.modes()
+    return Estimate(modes[0].distance, density.interval(problem.level), problem.level, Outcome.FLAT, modes)
 
 
 def _door(observation: Observation, table: PSFTable, estimator: AbstractEstimator, level: float) -> Problem:
@@ -279,9 +289,3 @@ def _is_flat(problem: Problem) -> bool:
     noise = problem.noise.power(response, problem.mean_level)
     excess = rings.effective * (problem.power / noise - 1)
     return bool(excess.sum() < TEXTURE_SIGMAS * np.sqrt(rings.effective.sum()))
-
-
-def _nothing_to_see(problem: Problem) -> Estimate:
-    density = prior_density(problem.table)
-    modes = density.modes()
-    return Estimate(modes[0].distance, density.interval(problem.level), problem.level, Outcome.FLAT, modes)

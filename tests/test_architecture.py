@@ -21,7 +21,7 @@ FLOORS = [  # from the roof to the cellar; a module imports from lower floors on
     {"calib.targets", "calib.manifest", "calib.photons"},
     {"calib.lines", "calib.rings", "calib.superresolution", "calib.unfilter"},
     {"psflut.estimators"},
-    {"psflut.grid"},
+    {"psflut.grid", "psflut.pointfit"},
     {"psflut.estimation"},
     {"psflut.evidence", "psflut.restore", "psflut.focus", "psflut.density"},
     {"psflut.texture", "psflut.spectrum"},
@@ -30,7 +30,7 @@ FLOORS = [  # from the roof to the cellar; a module imports from lower floors on
     {"psflut.imagers", "psflut.psfs"},
     {"psflut.camera_file"},
     {"psflut.noise", "psflut.optics", "psflut.images"},
-    {"psflut.family", "psflut.files", "psflut.units", "psflut.fourier"},
+    {"psflut.family", "psflut.files", "psflut.units", "psflut.fourier", "psflut.subpixel"},
     {"psflut.errors"},
     {"psflut", "calib"},
 ]

@@ -66,10 +66,14 @@ def show(estimates: Sequence[tuple[str, str, "Estimate"]]) -> None:
 
 
 def _row(image: str, method: str, found: "Estimate") -> tuple[str, ...]:
-    near, far = found.interval
-    interval = f"{near:.3f} .. {far:.3f} m ({100 * found.level:g} %)"
+    from psflut.units import METRES
+
+    size = max(map(abs, found.interval))
+    unit = next((unit for unit in ("m", "mm", "um") if size >= 0.1 * METRES[unit]), "nm")  # three decimals show it
+    near, distance, far = (metres / METRES[unit] for metres in (found.interval[0], found.distance, found.interval[1]))
+    interval = f"{near:.3f} .. {far:.3f} {unit} ({100 * found.level:g} %)"
     name = found.outcome.name.lower()
-    return image, method, f"{found.distance:.3f} m", interval, name, f"{found.stats['seconds']:.2f}"
+    return image, method, f"{distance:.3f} {unit}", interval, name, f"{found.stats['seconds']:.2f}"
 
 
 def print_rows(rows: Sequence[Sequence[str]]) -> None:

@@ -22,13 +22,21 @@ def run(
     images: Annotated[list[str], typer.Argument(help="Captures: PNG, TIFF, JPEG ...", metavar="IMAGE...")],
     table: TableOption,
     method: Annotated[
-        str,
-        typer.Option(help=f"{METHODS}; several with commas between, settings behind colons: wiener:candidates=200."),
-    ] = "wiener",
+        str | None,
+        typer.Option(
+            help=f"{METHODS}; several with commas between, settings behind colons: wiener:candidates=200. "
+            "Default: wiener, or point where the scene is one."
+        ),
+    ] = None,
     noise: NoiseOption = None,
     imager: ImagerOption = None,
     scene: Annotated[
-        Path | None, typer.Option(help="The ideal image, where it is known: as large as the capture, decoded as it is.")
+        str | None,
+        typer.Option(
+            metavar="point|FILE",
+            help="What is known of the scene: a lone bright point, or the ideal image, as large as the capture and "
+            "decoded as it is.",
+        ),
     ] = None,
     patch: Annotated[
         str | None,
@@ -46,8 +54,12 @@ def run(
 
     tabled = read_table(table)
     family.parse("psflut.imagers", imager or tabled.imager)
-    estimators = {name.strip(): family.parse("psflut.estimators", name) for name in method.split(",")}
-    known = None if scene is None else read_image(scene, gamma, srgb)
+    names = [name.strip() for name in (method or ("point" if scene == "point" else "wiener")).split(",")]
+    estimators = {name: family.parse("psflut.estimators", name) for name in names}
+    others = [name for name in names if name.partition(":")[0] != "point"]
+    if scene == "point" and others:
+        raise PsflutError(f"{others[0]} does not know what a point is; leave --method out, or name point")
+    known = None if scene in (None, "point") else read_image(Path(scene), gamma, srgb)
     found: list[tuple[str, str, Estimate]] = []
     try:
         for image in images:

@@ -74,6 +74,18 @@ def test_the_thesis_method_with_a_known_scene(psflut, estimates, shelf):
     assert found["distance_m"] == pytest.approx(3.7, abs=0.3)
 
 
+def test_a_scene_that_is_a_point_selects_its_method(psflut, estimates, lab16mm):
+    image = np.full((64, 64), 0.02)
+    image[8:57, 8:57] += 50 * lab16mm.at(1.63)
+    write_tiff(Path("point.tif"), image + 0.002 * np.random.default_rng(0).standard_normal(image.shape), {})
+    words = ("point.tif", "--table", "lab16mm", "--noise", "0.002")
+    for more in (("--scene", "point"), ("--scene", "point", "--method", "point:candidates=60"), ("--method", "point")):
+        (found,) = estimates(*words, *more)
+        assert found["method"].startswith("point")
+        assert found["outcome"] == "ok"
+        assert found["distance_m"] == pytest.approx(1.63, abs=0.01)
+
+
 def test_an_option_wins_over_the_table_and_says_so(psflut, shelf):
     words = ("--table", "thesis", "--noise", "0.02", "--imager", "plain", "--json", *SMALL)
     code, out, err = psflut("estimate", shelf / "capture.tif", *words)
@@ -148,6 +160,7 @@ def test_what_was_found_before_a_refusal_is_shown(psflut, shelf):
         (["--gamma", "2.2", "--srgb"], "gamma"),
         (["--scene", "{capture}"], "wiener does not use a known scene"),
         (["--scene", "missing.png"], "missing.png"),
+        (["--scene", "point", "--method", "wiener"], "wiener does not know what a point is"),
     ],
 )
 def test_a_mistake_in_what_is_asked_is_refused(refused, shelf, words, sentence):

@@ -1,7 +1,8 @@
 """`psflut calibrate`: a table from real captures."""
 
+import dataclasses
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -10,10 +11,13 @@ from psflut.cli import console
 from psflut.cli.options import Gamma, Overwrite, Srgb, TableOutput
 from psflut.errors import PsflutError
 
+if TYPE_CHECKING:
+    from calib.targets import Target
+
 
 def run(
     captures: Annotated[Path, typer.Argument(metavar="CAPTURES.csv", help="The manifest beside the frames.")],
-    target: Annotated[str, typer.Option(help="point or edge; settings behind colons: point:pinhole=2.")],
+    target: Annotated[str, typer.Option(help="point, edge or pattern; settings behind colons: point:pinhole=2.")],
     output: TableOutput,
     camera: Annotated[Path | None, typer.Option(help="A camera file, which names the pixel pitch.")] = None,
     pixel_pitch: Annotated[str | None, typer.Option(help="With a unit, where there is no camera file: '6 um'.")] = None,
@@ -22,6 +26,9 @@ def run(
     dark: Annotated[str, typer.Option(help="Dark level in image units, or an image taken without light.")] = "0",
     gamma: Gamma = 1.0,
     srgb: Srgb = False,
+    reference: Annotated[
+        Path | None, typer.Option(help="Of a pattern: a sharp frame of the same scene, in the frames' encoding.")
+    ] = None,
     figure: Annotated[Path | None, typer.Option(help="Also draw a contact sheet of the PSFs: FILE.png.")] = None,
     overwrite: Overwrite = False,
 ) -> None:
@@ -43,6 +50,7 @@ def run(
         raise PsflutError("a table needs its pixel pitch: give either --camera or --pixel-pitch")
     pitch = lens.pixel_pitch if lens else parse_length(pixel_pitch)
     part, filtering = family.parse("calib.targets", target), family.parse("psflut.imagers", imager)
+    part = _with_reference(part, reference, gamma, srgb)
     check_target(output, overwrite)
     if figure is not None:
         refuse_overwrite(figure, overwrite)
@@ -58,3 +66,17 @@ def run(
 
         save(psfs(table), figure, overwrite)
     console.print_rows(words(summarise(table)))
+
+
+def _with_reference(target: "Target", reference: Path | None, gamma: float, srgb: bool) -> "Target":
+    """The target that compares frames with a reference, or as it is where it needs none."""
+    from calib.targets.pattern import Pattern
+
+    if not isinstance(target, Pattern):
+        if reference is not None:
+            raise PsflutError(f"{family.describe(target)} takes no --reference; that belongs to --target pattern")
+        return target
+    if reference is not None:
+        target = dataclasses.replace(target, reference=str(reference), gamma=gamma, srgb=srgb)
+    target.picture()
+    return target

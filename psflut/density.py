@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy import fft
 from scipy.interpolate import CubicSpline
 from scipy.signal import find_peaks
 
@@ -18,6 +19,9 @@ Floats = NDArray[np.float64]
 
 FINE = 4096
 """Nodes of the grid that integrals are taken on."""
+
+WIDTHS, FAINT = 9, 1e-15
+"""Normal kernels between whose widths those of a convolution are mixed; what counts as no density at all."""
 
 VALLEY, LOWEST_PEAK = 0.5, 1e-3
 """A peak is a mode of its own if the density falls below half of it before a higher peak, and if it is not
@@ -67,6 +71,29 @@ class Density:
         sums = np.concatenate([[0.0], np.cumsum(0.5 * (self.values[1:] + self.values[:-1]))])
         return np.asarray(sums / sums[-1])
 
+    def widened(self, spread: Callable[[Floats], Floats]) -> "Density":
+        """The density of a coordinate that is this one plus a normal error, mirrored at the ends of the grid.
+
+        The error's standard deviation, ``spread(even)``, may vary along the axis: each part of the density is
+        convolved with the two nearest of `WIDTHS` kernels, mixed so that its variance is exact. An error below the
+        step of the fine grid changes nothing.
+
+        Parameters
+        ----------
+        spread : callable
+            From even coordinates (n,) to standard deviations (n,) in that coordinate.
+        """
+        step = np.diff(self.nodes[:2])
+        variance = np.minimum(spread(self.nodes), np.ptp(self.nodes)) ** 2
+        if variance.max() < step**2:
+            return self
+        widths = np.linspace(0.0, np.sqrt(variance.max()), WIDTHS)
+        shares = np.stack([np.interp(variance, widths**2, unit) for unit in np.eye(WIDTHS)])
+        waves = np.pi * np.arange(FINE) / (FINE * step)  # of the cosines, which mirror at the ends
+        kernels = np.exp(-0.5 * (waves * widths[:, None]) ** 2)
+        total = fft.idct(np.sum(kernels * fft.dct(shares * self.values), axis=0))
+        return Density(self.nodes, np.log(np.maximum(total, FAINT)), self.position)
+
     @property
     def mean(self) -> float:
         """Posterior mean, in the even coordinate."""
@@ -107,6 +134,12 @@ class Density:
             return None
         ends = self.position(self.nodes[[0, -1]])
         return "near" if ends[0 if peak == 0 else 1] == ends.min() else "far"
+
+
+def mirrored(even: Floats, low: float, high: float) -> Floats:
+    """Coordinates that left [low, high], brought back as `Density.widened` mirrors them."""
+    folded = np.mod(even - low, 2 * (high - low))
+    return np.asarray(low + np.minimum(folded, 2 * (high - low) - folded))
 
 
 def tails(level: float) -> list[float]:

@@ -11,6 +11,7 @@ from psflut import evidence, restore, texture
 from psflut.density import Density
 from psflut.estimation import Problem
 from psflut.imagers import Imager
+from psflut.spread import Spread, spread
 from psflut.table import PSFTable
 
 Floats = NDArray[np.float64]
@@ -26,13 +27,17 @@ class Grid:
     power, noise : (K,) arrays
         Of the patch and of its noise, by annulus.
     fit : Fit
+    spread : callable
+        Of the table's own errors, `psflut.spread`.
     density : Density
+        The posterior that the evidence makes, widened by that spread.
     """
 
     bank: evidence.Bank
     power: Floats
     noise: Floats
     fit: evidence.Fit
+    spread: Spread
     density: Density
 
     @property
@@ -46,7 +51,9 @@ def grid(problem: Problem, candidates: int) -> Grid:
     bank = cached_bank(problem.table, problem.shape, problem.imager, candidates)
     noise = evidence.noise_power(bank, problem.noise, problem.mean_level)
     fit = evidence.integrate(problem.power, noise, bank)
-    return Grid(bank, problem.power, noise, fit, Density(bank.even, fit.log_evidence, problem.table.position))
+    width = spread(problem.table, problem.shape, bank, noise, fit.log_evidence, fit.theta)
+    density = Density(bank.even, fit.log_evidence, problem.table.position).widened(width)
+    return Grid(bank, problem.power, noise, fit, width, density)
 
 
 def restored(problem: Problem, found: Grid, distance: float) -> Floats:

@@ -30,7 +30,7 @@ FLOORS = [  # from the roof to the cellar; a module imports from lower floors on
     {"calib.polar"},
     {"psflut.estimators"},
     {"psflut.grid", "psflut.pointfit"},
-    {"psflut.estimation"},
+    {"psflut.estimation", "psflut.spread"},
     {"psflut.evidence", "psflut.restore", "psflut.focus", "psflut.density"},
     {"psflut.texture", "psflut.spectrum"},
     {"psflut.summary", "psflut.capture", "psflut.store"},

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from psflut.density import Density
+from psflut.density import Density, mirrored
 
 
 def mixture(weights, means, sigma=0.02, low=0.2, high=1.25, nodes=120):
@@ -51,3 +51,21 @@ def test_a_flat_density_says_what_the_prior_says():
     density = Density(even, np.zeros(9), lambda v: 1 / np.asarray(v))
     near, far = density.interval(0.9)
     assert (1 / far, 1 / near) == (pytest.approx(0.2 + 0.05 * 1.05), pytest.approx(1.25 - 0.05 * 1.05))
+
+
+@pytest.mark.parametrize("spread", [lambda u: 0.0 * u + 0.03, lambda u: 0.01 + 0.03 * u])
+def test_a_widened_density_is_that_of_draws_with_the_error_added(rng, spread):
+    density = mixture([0.6, 0.4], [0.9, 0.28])  # the lighter peak reaches over the grid's end
+    wide = density.widened(spread)
+    drawn = density.sample(rng, 100_000)
+    moved = mirrored(drawn + spread(drawn) * rng.standard_normal(drawn.shape), 0.2, 1.25)
+    np.testing.assert_allclose(
+        wide.quantile([0.03, 0.3, 0.6, 0.97]), np.quantile(moved, [0.03, 0.3, 0.6, 0.97]), atol=2e-3
+    )
+
+
+def test_normal_errors_add_their_variances_and_none_changes_nothing():
+    density = mixture([1.0], [0.7])
+    low, high = density.widened(lambda u: 0.0 * u + 0.03).quantile([0.025, 0.975])
+    assert high - low == pytest.approx(2 * 1.96 * np.hypot(0.02, 0.03), rel=1e-3)
+    assert density.widened(lambda u: 0.0 * u) is density

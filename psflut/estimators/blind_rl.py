@@ -13,6 +13,7 @@ from psflut.estimation import AbstractEstimator, Curve, Estimate, Problem, judge
 from psflut.grid import cached_bank
 from psflut.restore import blind_richardson_lucy, nonnegative
 from psflut.spectrum import annular_power
+from psflut.spread import spread
 
 Floats = NDArray[np.float64]
 
@@ -60,7 +61,8 @@ class BlindRl(AbstractEstimator):
     those at 1.03 m erred by more than 10 %, mostly in scenes of great contrast; 45 steps were then chosen on kodak.
 
     The interval is that of the score times `tempering`, learnt on the same kodak captures as the largest round factor
-    with which 95 % intervals cover at least 95 %. Assumes texture, and light enough that the steps restore what passes.
+    with which 95 % intervals cover at least 95 %, widened by the table's own errors (`psflut.spread`). Assumes
+    texture, and light enough that the steps restore what passes.
 
     Parameters
     ----------
@@ -95,8 +97,10 @@ class BlindRl(AbstractEstimator):
         noise = evidence.noise_power(fine, problem.noise, problem.mean_level)
         order = np.argsort(starts.even)
         scenes = _scenes(self._powers(problem), noise, starts)[order]
-        score = _score(problem.power, noise, CubicSpline(starts.even[order], scenes)(fine.even), fine)
-        density = Density(fine.even, self.tempering * score, table.position)
+        theta = CubicSpline(starts.even[order], scenes)(fine.even)
+        score = _score(problem.power, noise, theta, fine)
+        width = spread(table, problem.shape, fine, noise, self.tempering * score, theta)
+        density = Density(fine.even, self.tempering * score, table.position).widened(width)
         outcome, stats = judge(density)
         modes = density.modes()
         restored, psf, _ = self._restored(problem, table.at(modes[0].distance))

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from psflut import evidence
-from psflut.density import Density, Mode, interval_of, tails
+from psflut.density import Density, Mode, interval_of, mirrored, tails
 from psflut.errors import PsflutError
 from psflut.estimation import AbstractEstimator, Curve, Estimate, Outcome, Problem, judge
 from psflut.grid import Grid, grid, restored
@@ -37,9 +37,10 @@ class Posterior(AbstractEstimator):
     density 8 at five times. Used: differential evolution, every tenth move a whole leap between walkers, which
     crosses between modes.
 
-    ``detail`` keeps ``chain`` (steps, walkers, dimensions), ``names`` of the dimensions, the
-    ``distances`` drawn (metres), ``log_probability``
-    (steps, walkers), and ``restored``. ``stats`` gives the autocorrelation time and the effective sample size.
+    ``detail`` keeps ``chain`` (steps, walkers, dimensions), ``names`` of the dimensions, the ``distances`` drawn
+    (metres), moved by the table's own errors (`psflut.spread`) as interval and modes are but the chain is not,
+    ``log_probability`` (steps, walkers), and ``restored``. ``stats`` gives the autocorrelation time and
+    the effective sample size.
 
     Parameters
     ----------
@@ -87,7 +88,8 @@ class Posterior(AbstractEstimator):
     def _estimate(
         self, problem: Problem, found: Grid, chain: Floats, log_probability: Floats, times: Floats
     ) -> Estimate:
-        even = chain[:, :, 0].ravel()
+        drawn = chain[:, :, 0].ravel()
+        even = _with_errors_of_the_table(drawn, found, np.random.default_rng(self.seed))
         modes = _modes(even, found.density)
         outcome, stats = judge(found.density)
         longest = float(np.max(times))
@@ -107,7 +109,7 @@ class Posterior(AbstractEstimator):
                 "misfit": found.misfit,
                 "autocorrelation_time": longest,
                 "effective_samples": float(even.size / times[0]),
-                "standard_deviation": float(even.std()),
+                "standard_deviation": float(drawn.std()),
             },
             detail={
                 "chain": chain,
@@ -117,6 +119,12 @@ class Posterior(AbstractEstimator):
                 "restored": restored(problem, found, modes[0].distance),
             },
         )
+
+
+def _with_errors_of_the_table(even: Floats, found: Grid, rng: np.random.Generator) -> Floats:
+    """Draws of distance that the table's own errors have moved, as `Density.widened` moves the grid's."""
+    moved = even + found.spread(even) * rng.standard_normal(even.shape)
+    return mirrored(moved, found.bank.even.min(), found.bank.even.max())
 
 
 def _start(found: Grid, walkers: int, free_noise: bool, rng: np.random.Generator) -> Floats:

@@ -9,6 +9,7 @@ from scipy.interpolate import make_smoothing_spline
 from scipy.ndimage import gaussian_filter
 
 from calib.targets import Measurement
+from psflut.table import Kind, PSFTable
 
 Floats = NDArray[np.float64]
 
@@ -29,6 +30,14 @@ class Course(NamedTuple):
     std: Floats
 
 
+def table_of(axis: Floats, kind: Kind, measurements: Sequence[Measurement], pixel_pitch: float) -> PSFTable:
+    """The table of measurements at ascending positions (metres), before anything else is known of it."""
+    even = axis if kind == "stage" else 1.0 / axis
+    order = np.argsort(even)
+    course, back = smooth(even[order], [measurements[k] for k in order]), np.argsort(order)
+    return PSFTable(axis, course.psf[back], pixel_pitch, kind=kind, psf_std=course.std[back])
+
+
 def smooth(even: Floats, measurements: Sequence[Measurement]) -> Course:
     """The course of measured PSFs along the axis, as smooth as their standard errors justify and no smoother.
 
@@ -41,6 +50,10 @@ def smooth(even: Floats, measurements: Sequence[Measurement]) -> Course:
     ones, and of lit pixels in standard errors: one strength for all pixels 0.19 and 0.10, 1.5 and 3.8; strengths by
     radius 0.10 and 0.05, 1.1 and 1.1; singular vectors, each with a spline of its own, 0.19 and 0.10, over 4. Merely
     clipping at zero adds up the noise of the dark pixels and dims the lit ones by many standard errors.
+
+    What uncertain positions do to a plane, their error times the slope of the course, is not counted here and
+    stands beside the table as `axis_std`: counted among the errors, at 3, 10 and 30 mm of 0.95 to 4.5 m, it changed the
+    PSFs of points by +0, +2 and +35 % of their error, as rims that pass from pixel to pixel were taken for it.
 
     Parameters
     ----------

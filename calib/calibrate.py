@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.assess import Assessment
+from calib.build import table_of
 from calib.captures import shots
-from calib.check import facts, hold_out, table_of
 from calib.manifest import Manifest
-from calib.photons import photon_transfer
+from calib.photons import noise_of, pair_bins
 from calib.targets import Measurement, Shot, Target
 from psflut import family
 from psflut.errors import PsflutError
@@ -23,10 +24,6 @@ from psflut.optics import Camera
 from psflut.table import PSFTable
 
 Floats = NDArray[np.float64]
-
-
-LEAST_FOR_CHECK = 4
-"""Positions from which on one can be left out and three still make a table."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +56,7 @@ def calibrate(
     imager: Imager,
     camera: Camera | None = None,
     encoding: Encoding | None = None,
+    assessment: Assessment | None = None,
     progress: Callable[[int], object] = lambda positions: None,
 ) -> PSFTable:
     """Measure the PSF at every position of a manifest and lay a smooth course through them.
@@ -74,6 +72,8 @@ def calibrate(
         Metres on the detector.
     imager : Imager
         What the camera's own output went through.
+    assessment : Assessment
+        What is looked into besides (`calib.assess`).
     progress : callable
         Hears of every position measured.
 
@@ -85,28 +85,28 @@ def calibrate(
     encoding = encoding or Encoding()
     if size < 3 or size % 2 == 0:
         raise PsflutError(f"the size of a PSF must be odd and at least 3, got {size}")
-    measured = []
+    measured: list[Measurement] = []
+    repeats: list[Floats] = []
     for position in manifest.positions:
-        measured.append(target.measure(encoding.shots(manifest, position), size, imager))
+        frames = encoding.shots(manifest, position)
+        measured.append(target.measure(frames, size, imager))
+        repeats += pair_bins([shot.image for shot in frames])
         progress(1)
-    axis = np.array(manifest.positions)
-    noise, why_not = _noise(manifest, encoding)
-    return replace(
-        table_of(axis, manifest.kind, measured, pixel_pitch),
+    noise, why_not = _noise(repeats, float(np.mean(encoding.dark)))
+    table = replace(
+        table_of(np.array(manifest.positions), manifest.kind, measured, pixel_pitch),
         camera=camera,
         imager=family.describe(imager),
         noise=noise,
-        provenance={**_provenance(manifest, target, measured), "noise_unknown": why_not},
-        check=facts(hold_out(axis, manifest.kind, measured, pixel_pitch)) if len(axis) >= LEAST_FOR_CHECK else None,
+        provenance={**_provenance(manifest, target, encoding, measured), "noise_unknown": why_not},
     )
+    return (assessment or Assessment()).of(table, measured)
 
 
-def _noise(manifest: Manifest, encoding: Encoding) -> tuple[Noise | None, str]:
+def _noise(repeats: list[Floats], dark: float) -> tuple[Noise | None, str]:
     """The noise that repeated frames show, or None and why it stays unknown."""
-    repeats = ([shot.image for shot in encoding.shots(manifest, position)] for position in manifest.repeated)
-    dark = float(np.mean(encoding.dark))
     try:
-        noise = photon_transfer(repeats, offset=0.0 if dark else None)
+        noise = noise_of(repeats, offset=0.0 if dark else None)
     except PsflutError as error:  # compressed frames, say; estimates then look for the noise themselves
         return None, str(error)
     if noise is None:
@@ -114,12 +114,14 @@ def _noise(manifest: Manifest, encoding: Encoding) -> tuple[Noise | None, str]:
     return replace(noise, offset=noise.offset + dark), ""
 
 
-def _provenance(manifest: Manifest, target: Target, measured: list[Measurement]) -> dict[str, Any]:
+def _provenance(manifest: Manifest, target: Target, encoding: Encoding, measured: list[Measurement]) -> dict[str, Any]:
     digest = hashlib.sha256(manifest.path.read_bytes())
     for file in sorted({row.file for row in manifest.rows}):
         digest.update(file.read_bytes())
     return {
         "target": family.describe(target),
+        "gamma": encoding.gamma,
+        "srgb": encoding.srgb,
         "frames": len(manifest.rows),
         "captures_sha256": digest.hexdigest(),
         "used": [each.used for each in measured],

@@ -9,11 +9,17 @@ from numpy.typing import NDArray
 from calib.manifest import Manifest, Row, read_manifest
 from calib.targets import Shot
 from psflut.errors import PsflutError
-from psflut.images import page_shapes, read_image
+from psflut.images import Picture, linearise, page_shapes, read_image
 
 __all__ = ["Manifest", "Row", "read_dark", "read_manifest", "shots"]
 
 Floats = NDArray[np.float64]
+
+SIXTEEN = 65535
+"""Full scale of 16 bits."""
+
+PILE = 4
+"""Pixels at a level from which on it may be a ceiling."""
 
 
 def read_dark(dark: str | Path, gamma: float = 1.0, srgb: bool = False) -> float | Floats:
@@ -45,7 +51,7 @@ def shots(
     Returns
     -------
     list of Shot
-        Linear intensity; where an integer file is at its full scale, NaN.
+        Linear intensity; where an integer file is at its full scale, or at that of fewer bits (`_ceiling`), NaN.
 
     Raises
     ------
@@ -66,5 +72,19 @@ def _shot(manifest: Manifest, row: Row, gamma: float, srgb: bool, dark: float | 
     if not image.max() > 0:
         raise PsflutError(f"{row.name} is nowhere above the dark level; give that in image units, full scale is 1")
     if picture.saturated is not None:
-        image[picture.saturated] = np.nan
+        image[picture.saturated | (picture.image >= _ceiling(picture, gamma, srgb))] = np.nan
     return Shot(image, row.position, row.name, row.centre)
+
+
+def _ceiling(picture: Picture, gamma: float, srgb: bool) -> float:
+    """The full scale of 9 to 15 bits in a grey 16-bit file, low or shifted up, where pixels pile up at it; or infinity.
+
+    Such files hide saturation: their brightest level, 4095 or 65520 of 12 bits, is no full scale of the file. It is
+    taken for a ceiling if it is exactly such a level, which chance hits once in 5,000, and `PILE` pixels share it.
+    """
+    levels = np.array([(2**bits - 1) << shift for bits in range(9, 16) for shift in (0, 16 - bits)])
+    scales = linearise(levels / SIXTEEN, gamma, srgb)
+    brightest = picture.image.max()
+    piled = np.count_nonzero(picture.image == brightest) >= PILE
+    fits = 0 < picture.quantum < 4.0 * gamma / SIXTEEN and np.isclose(scales, brightest, rtol=1e-9, atol=0).any()
+    return float(brightest) if piled and fits else np.inf

@@ -54,8 +54,16 @@ def photon_transfer(frames_by_position: Iterable[Sequence[Floats]], offset: floa
     PsflutError
         If repeated frames are identical, or if in most pixels they differ by more than noise.
     """
-    pairs = ((a, b) for frames in frames_by_position for a, b in zip(frames[::2], frames[1::2], strict=False))
-    bins = [_bins(first, second) for first, second in pairs]
+    return noise_of([each for frames in frames_by_position for each in pair_bins(frames)], offset)
+
+
+def pair_bins(frames: Sequence[Floats]) -> list[Floats]:
+    """What `noise_of` needs to know of the frames at one position, in little room: an array for every pair of them."""
+    return [_bins(first, second) for first, second in zip(frames[::2], frames[1::2], strict=False)]
+
+
+def noise_of(bins: Sequence[Floats], offset: float | None = None) -> Noise | None:
+    """As `photon_transfer`, of the `pair_bins` of all positions."""
     if not bins:
         return None
     signal, variance, count, likeness = np.concatenate(bins, axis=1)

@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
+from psflut.errors import PsflutError
 from psflut.estimation import Estimate, Outcome
 from psflut.files import staged
 from psflut.table import PSFTable
@@ -100,6 +101,43 @@ def psfs(table: PSFTable, count: int = 8) -> Figure:
         bottom[k].set(ylim=(0, None), xlim=(-reach, reach), xlabel="x (um)")
         bottom[k].tick_params(labelsize=7)
     bottom[0].set_ylabel("share of light\nin a pixel")
+    return figure
+
+
+@_styled
+def ranges(table: PSFTable) -> Figure:
+    """Where a measured table reads well: standard error along its axis, held-out errors, blind ranges shaded.
+
+    Raises
+    ------
+    PsflutError
+        If the table says nothing of its ranges: it was built by a recipe, not measured.
+    """
+    check = table.check or {}
+    if "ranges" not in check:
+        raise PsflutError("the table holds no ranges, which only measured ones have; draw its PSFs instead")
+    found = check["ranges"]
+    figure = Plot(figsize=(6.0, 3.6), layout="constrained")
+    axis = figure.subplots()
+    positions = np.array(found["positions_m"])
+    by_distance = table.kind == "distance"
+
+    def shown(error: Floats, at: Floats) -> Floats:
+        return np.asarray(100.0 * np.abs(error) / at if by_distance else 1e3 * np.abs(error))
+
+    std = np.array([np.nan if each is None else each for each in found["std_m"]])
+    axis.plot(positions, shown(std, positions), color=COLOURS[0], label=f"point {found['snr']:g} times above the noise")
+    if "expected_m" in check:
+        places, errors = (np.array(check[name]) for name in ("positions_m", "expected_m"))
+        axis.plot(places, shown(errors, places), "o", ms=4, color=COLOURS[1], label="expected from positions left out")
+    limit = found["good_below"] * (1.0 if by_distance else np.ptp(table.axis))
+    bound = 100.0 * limit if by_distance else 1e3 * limit
+    axis.axhline(bound, color=INK, lw=0.8, ls="--", label="limit of a good range")
+    for number, span in enumerate(found["blind_m"]):
+        axis.axvspan(*span, color=INK, alpha=0.15, lw=0, label=None if number else "blind")
+    axis.set(yscale="log", xlim=table.span, xlabel="distance (m)" if by_distance else "stage (m)")
+    axis.set_ylabel("error (% of the distance)" if by_distance else "error (mm)")
+    figure.legend(loc="outside upper center", ncols=2)
     return figure
 
 

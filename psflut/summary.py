@@ -1,7 +1,7 @@
 """What a table holds, as plain facts for JSON and as words for a person."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -47,7 +47,7 @@ def words(facts: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("psf", f"{size} x {size} pixels of {format_length(facts['pixel_pitch_m'])}"),
         ("imager", facts["imager"]),
         ("noise", _noise(facts)),
-        ("check", _check(facts["check"])),
+        *_check(facts),
     ]
     camera = facts["camera"]
     if camera is not None:
@@ -78,12 +78,42 @@ def _spell(setting: str, value: Any) -> str:
     return format_length(value) if setting == "wavelengths" else str(value)
 
 
-def _check(check: Mapping[str, Any] | None) -> str:
-    if check is None:
-        return "none"
-    error, shape = format_length(check["position_error_m"]), check["psf_error"]
-    left_out = f"{check['held_out_positions']} positions left out once"
-    return f"{left_out}: position error {error}, PSF error {shape:.1%} (medians)"
+def _check(facts: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """What calibration said of the table: held-out errors, placement, ranges, model; a row for each that is there."""
+    check = facts["check"] or {}
+    rows = []
+    if "errors_m" in check:
+        left_out = f"{check['held_out_positions']} positions left out once"
+        error, shape = format_length(check["position_error_m"]), check["psf_error"]
+        if check["position_error_of_distance"] is not None:
+            error += f" or {check['position_error_of_distance']:.2%} of the distance"
+        noisy = f"PSFs differ by {shape:.1%}, their noise included"
+        rows.append(("check", f"{left_out}: expected rms error {error}; {noisy}"))
+    if "placement_m" in check:
+        sigma = check["placement_m"]
+        rows.append(("placement", f"sigma {format_length(sigma)}" if sigma else "no error seen beside those of PSFs"))
+    if "ranges" in check:
+        ranges = check["ranges"]
+        words = [f"{name} {_spans(ranges[f'{name}_m'])}" for name in ("good", "blind") if ranges[f"{name}_m"]]
+        limit = f"{ranges['good_below']:.0%} of {ranges['of']} or better"
+        seen = f"a point {ranges['snr']:g} times above the noise"
+        rows.append(("range", f"{', '.join(words)} (good: {limit}, of {seen})"))
+    if "model" in check:
+        rows.append(("pupil", _model(check["model"])))
+    return rows or [("check", "none")]
+
+
+def _spans(spans: Sequence[Sequence[float]]) -> str:
+    return " and ".join(f"from {format_length(near)} to {format_length(far)}" for near, far in spans)
+
+
+def _model(model: Mapping[str, Any]) -> str:
+    square = model["chi_square"]
+    better = {"pupil": "the pupil model", "course": "the measured course"}[model["better"]]
+    focus = "beyond infinity" if model["focus_m"] is None else f"at {format_length(model['focus_m'])}"
+    lens = f"focus {focus}, {model['spherical_waves']:+.3f} waves of spherical aberration"
+    squares = f"chi-square {square['pupil']:.3g} of the model, {square['course']:.3g} of the course"
+    return f"{better} explains held-out PSFs better: {squares}; {lens}"
 
 
 def _noise(facts: Mapping[str, Any]) -> str:

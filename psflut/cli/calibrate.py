@@ -30,11 +30,22 @@ def run(
         Path | None, typer.Option(help="Of a pattern: a sharp frame of the same scene, in the frames' encoding.")
     ] = None,
     figure: Annotated[Path | None, typer.Option(help="Also draw a contact sheet of the PSFs: FILE.png.")] = None,
+    placement: Annotated[
+        str | None, typer.Option(help="Standard error of a position: '0.1 mm'. Default: from held-out errors.")
+    ] = None,
+    model: Annotated[
+        str | None, typer.Option(help="pupil: also fit wave optics, and say which explains the frames better.")
+    ] = None,
+    planes: Annotated[
+        int | None, typer.Option(help="With --model: so many planes, filled by it where it is no worse.")
+    ] = None,
+    check_figure: Annotated[Path | None, typer.Option(help="Also draw good and blind ranges: FILE.png.")] = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Measure a table from real captures at known positions."""
     from tqdm import tqdm
 
+    from calib.assess import Assessment
     from calib.calibrate import Encoding
     from calib.calibrate import calibrate as measure
     from calib.captures import read_dark
@@ -51,20 +62,36 @@ def run(
     pitch = lens.pixel_pitch if lens else parse_length(pixel_pitch)
     part, filtering = family.parse("calib.targets", target), family.parse("psflut.imagers", imager)
     part = _with_reference(part, reference, gamma, srgb)
+    if model not in (None, "pupil"):
+        raise PsflutError(f"the model that can be fitted is pupil, got {model!r}")
+    assessment = Assessment(None if placement is None else parse_length(placement), model is not None, planes)
     check_target(output, overwrite)
-    if figure is not None:
-        refuse_overwrite(figure, overwrite)
+    for drawing in (figure, check_figure):
+        if drawing is not None:
+            refuse_overwrite(drawing, overwrite)
     manifest = read_manifest(captures, least_positions=3)
     encoding = Encoding(gamma, srgb, read_dark(dark, gamma, srgb))
     with tqdm(total=len(manifest.positions), unit="position", disable=None) as bar:
         table = measure(
-            manifest, part, size, pitch, imager=filtering, camera=lens, encoding=encoding, progress=bar.update
+            manifest,
+            part,
+            size,
+            pitch,
+            imager=filtering,
+            camera=lens,
+            encoding=encoding,
+            assessment=assessment,
+            progress=bar.update,
         )
     write_table(table, output, overwrite)
     if figure is not None:
         from psflut.plots import psfs, save
 
         save(psfs(table), figure, overwrite)
+    if check_figure is not None:
+        from psflut.plots import ranges, save
+
+        save(ranges(table), check_figure, overwrite)
     console.print_rows(words(summarise(table)))
 
 

@@ -13,6 +13,14 @@ FINE = 20
 """Places a pixel at which rings, pixels and kernels are integrated."""
 
 
+ACTIVE_ROUNDS = 5
+"""Of choosing the smoothness, and finding which coefficients it leaves above zero, in turn."""
+
+
+DRAWS = 200
+"""Of the coefficients given the data, from which standard errors come: they are good to 5 %."""
+
+
 @dataclass(frozen=True)
 class Rings:
     """Densities max(0, 1 - |r / width - j|) for j = 0 .. count - 1, a pixel squared.
@@ -92,12 +100,19 @@ class Rings:
 
 
 def smooth_fit(design: Floats, data: Floats, bend: Floats, nuisances: int) -> tuple[Floats, Floats]:
-    """Non-negative coefficients a with data = design @ a + white noise, and their covariance.
+    """Non-negative coefficients a with data = design @ a + white noise, and draws of them given the data.
 
     They minimise |data - design a|^2 + weight |bend a|^2, which is to say that bend a is normally distributed.
     The weight maximises the likelihood of the data with a integrated out and the noise profiled, the restricted
-    likelihood of G. Wahba, Ann. Statist. 13, 1378 (1985); the covariance is that of a given the data, so that
-    it holds what the smoothing hides as well as the noise.
+    likelihood of G. Wahba, Ann. Statist. 13, 1378 (1985), over those coefficients alone that come out above zero:
+    with all of them, edges of a real print, of 1 to 1.5 pixels' blur, were fitted by coefficients of alternating
+    sign, whose non-negative part had nothing to do with the PSF. A draw is the non-negative vector that is nearest,
+    in that sum of squares, to a draw without the bound (J. M. Everink et al., SIAM/ASA J. Uncertain. Quantif.
+    11, 2023); it holds what the smoothing hides as well as the noise.
+
+    Compared on four angles at 10 distances: errors by the covariance without the bound are up to 6 times too large
+    near focus. Leaving out one edge after the other to choose the weight makes the PSF no better and is three times
+    slower.
 
     Parameters
     ----------
@@ -107,10 +122,30 @@ def smooth_fit(design: Floats, data: Floats, bend: Floats, nuisances: int) -> tu
         Of rank m.
     nuisances : int
         Degrees of freedom that were taken out of the data before.
+
+    Returns
+    -------
+    (m,) and (DRAWS, m) arrays
     """
-    gram, target, power = design.T @ design, design.T @ data, float(data @ data)
-    known, modes = linalg.eigh(gram, bend.T @ bend)
-    known, shares, freedom = np.maximum(known, 0.0), modes.T @ target, len(data) - nuisances
+    gram, target, power, bends = design.T @ design, design.T @ data, float(data @ data), bend.T @ bend
+    freedom, active = len(data) - nuisances, np.ones(len(gram), bool)
+    for _ in range(ACTIVE_ROUNDS):
+        inner = np.ix_(active, active)
+        weight, variance = _weight(gram[inner], bends[inner], target[active], power, freedom)
+        root = linalg.cholesky(gram + weight * bends)
+        coefficients = optimize.nnls(root, linalg.solve_triangular(root, target, trans="T"))[0]
+        if np.array_equal(active, coefficients > 0.0):
+            break
+        active = coefficients > 0.0
+    middle = linalg.solve_triangular(root, target, trans="T")
+    noise = np.sqrt(variance) * np.random.default_rng(0).standard_normal((DRAWS, len(gram)))
+    return coefficients, np.array([optimize.nnls(root, middle + each)[0] for each in noise])
+
+
+def _weight(gram: Floats, bends: Floats, target: Floats, power: float, freedom: int) -> tuple[float, float]:
+    """The likeliest weight, and the variance of the noise that goes with it."""
+    known, modes = linalg.eigh(gram, bends)
+    known, shares = np.maximum(known, 0.0), modes.T @ target
 
     def variance(weight: float) -> float:
         return max(power - float(np.sum(shares**2 / (known + weight))), 1e-30) / freedom
@@ -119,11 +154,8 @@ def smooth_fit(design: Floats, data: Floats, bend: Floats, nuisances: int) -> tu
         return float(freedom * np.log(variance(np.exp(log))) + np.sum(np.log1p(known * np.exp(-log))))
 
     top = np.log(known.max())
-    weight = np.exp(optimize.minimize_scalar(unlikely, bounds=(top - 35.0, top), method="bounded").x)
-    root = linalg.cholesky(gram + weight * bend.T @ bend)
-    coefficients = optimize.nnls(root, linalg.solve_triangular(root, target, trans="T"))[0]
-    inverse = linalg.solve_triangular(root, np.eye(len(gram)))
-    return coefficients, variance(weight) * inverse @ inverse.T
+    weight = float(np.exp(optimize.minimize_scalar(unlikely, bounds=(top - 35.0, top), method="bounded").x))
+    return weight, variance(weight)
 
 
 def _across(angle: float, kernel: Floats) -> Floats:

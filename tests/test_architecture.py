@@ -22,7 +22,6 @@ FLOORS = [  # from the roof to the cellar; a module imports from lower floors on
     {"calib.targets", "calib.manifest", "calib.photons"},
     {"calib.pupil_fit"},
     {
-        "calib.lines",
         "calib.radial",
         "calib.rings",
         "calib.superresolution",
@@ -34,7 +33,8 @@ FLOORS = [  # from the roof to the cellar; a module imports from lower floors on
     {"psflut.estimators"},
     {"psflut.grid", "psflut.pointfit"},
     {"psflut.estimation", "psflut.spread"},
-    {"psflut.evidence", "psflut.restore", "psflut.focus", "psflut.density"},
+    {"psflut.edges"},
+    {"psflut.evidence", "psflut.restore", "psflut.focus", "psflut.density", "psflut.lines"},
     {"psflut.texture", "psflut.spectrum"},
     {"psflut.summary", "psflut.capture", "psflut.store"},
     {"psflut.table"},

@@ -13,6 +13,7 @@ from scipy import signal
 from calib.rings import Rings
 from calib.targets import Shot
 from calib.targets.edge import Edge
+from psflut.edges import Search
 from psflut.errors import PsflutError
 from psflut.imagers.laplacian import Laplacian
 from psflut.imagers.plain import Plain
@@ -135,7 +136,7 @@ def test_edges_are_located_without_bias():
     errors = []
     for number, angle in enumerate((0, 5, 31, 45, 87, 90, 200, 300)):
         middle = np.array([43.0 + 0.23 * number, 44.0 + 0.37 * number])
-        ((edge,), _) = Edge().edges(shot(blurred(line(angle, middle), 2.5), number), SIZE, Plain())
+        ((edge,), _) = Search().edges(shot(blurred(line(angle, middle), 2.5), number).image, SIZE, Plain())
         normal = np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))
         errors.append((edge.line.point - middle) @ normal)
         assert np.sin(edge.line.angle - np.deg2rad(angle)) == pytest.approx(0, abs=5e-4)
@@ -161,7 +162,7 @@ def test_the_edges_of_a_quartered_field_are_kept_apart():
 def test_a_centre_chooses_the_edges_near_it():
     frame = shot(blurred(quartered, 1.5, side=122), 1)
     near = dataclasses.replace(frame, centre=(5.0, 66.0))
-    edges, _ = Edge(near=20).edges(near, 25, Plain())
+    edges, _ = Search(near=20).edges(near.image, 25, Plain(), near.centre)
     assert len(edges) == 1
     assert edges[0].line.point[0] < 60
 

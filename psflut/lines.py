@@ -24,16 +24,16 @@ class Line:
         Of its normal, which points to the bright side, radians: (cos, sin) in (y, x).
     pixels : (n, 2) array
         The pixels along it, (y, x).
-    sigma : float
-        Standard deviation of its spread, pixels; 0 before the fit.
     inliers : float
         Share of the pixels within one pixel of the line.
     sigma : float
         Standard deviation of its spread, pixels; this and what follows from `locate`.
     sag : float
         How far its ends are off the straight line through its middle, pixels.
+    rise : float
+        From the lowest to the highest of the fit, image units.
     contrast : float
-        Of its samples: from the lowest to the highest of the fit, in units of what is left.
+        The rise in units of what the fit leaves.
     """
 
     point: Floats
@@ -42,6 +42,7 @@ class Line:
     inliers: float
     sigma: float = 1.0
     sag: float = 0.0
+    rise: float = 0.0
     contrast: float = 0.0
 
     def along(self, places: Floats) -> tuple[Floats, Floats]:
@@ -66,25 +67,28 @@ def picture_behind(image: Floats, imager: Imager) -> Floats:
     return np.asarray(fft.irfft2(fft.rfft2(mirrored) * inverse, mirrored.shape)[:height, :width])
 
 
-def edge_pixels(picture: Floats, smooth: float) -> tuple[NDArray[np.bool_], Floats]:
-    """Pixels on edges (Canny), and the direction of the gradient everywhere, radians from +y towards +x.
+def edge_pixels(picture: Floats, smooth: float) -> tuple[NDArray[np.bool_], Floats, Floats]:
+    """Pixels on edges (Canny); slope and direction of the gradient everywhere, radians from +y towards +x.
 
     The thresholds are 0.15 and 0.3 of the steepest slope; `smooth` is the sigma of the smoothing, pixels.
     """
     from skimage import feature
 
     gradient = [ndimage.gaussian_filter(picture, smooth, order=order) for order in ((1, 0), (0, 1))]
-    steepest = 8.0 * float(np.hypot(*gradient).max())  # Canny's Sobel filters give 8 times the slope
+    slope, direction = np.hypot(*gradient), np.arctan2(gradient[1], gradient[0])
+    steepest = 8.0 * float(slope.max())  # Canny's Sobel filters give 8 times the slope
     if not steepest > 1e-9:
-        return np.zeros(picture.shape, bool), np.zeros(picture.shape)
-    mask = feature.canny(picture / steepest, smooth, 0.15, 0.3, mode="nearest")
-    return mask, np.arctan2(gradient[1], gradient[0])
+        return np.zeros(picture.shape, bool), slope, direction
+    return feature.canny(picture / steepest, smooth, 0.15, 0.3, mode="nearest"), slope, direction
 
 
-def straight(mask: NDArray[np.bool_], direction: Floats, shortest: float) -> Iterator[Line]:
+def straight(
+    mask: NDArray[np.bool_], slope: Floats, direction: Floats, shortest: float, alike: float
+) -> Iterator[Line]:
     """Connected runs of edge pixels of one direction, longest first, each with a line by RANSAC.
 
-    One polarity each: where black and white change sides, as at the middle of a quartered disc, a run ends.
+    Runs whose mean slope is less than a share `alike` of the steepest one's are left out. One polarity each: where
+    black and white change sides, as at the middle of a quartered disc, a run ends.
     """
     from skimage import measure
 
@@ -93,7 +97,10 @@ def straight(mask: NDArray[np.bool_], direction: Floats, shortest: float) -> Ite
         near = np.cos(direction - octant * np.pi / 4) > np.cos(np.pi / 6)
         regions = measure.regionprops(measure.label(mask & near, connectivity=2))
         runs += [region.coords for region in regions if len(region.coords) >= shortest]
+    least = alike * max((slope[*run.T].mean() for run in runs), default=0.0)
+    runs = [run for run in runs if slope[*run.T].mean() >= least]
     taken = np.zeros(mask.shape, bool)
+    places, turned = np.argwhere(mask), direction[mask]
     for run in sorted(runs, key=len, reverse=True):
         if taken[*run.T].mean() > 0.3:  # the octants overlap, and edges may be broken
             continue
@@ -107,14 +114,13 @@ def straight(mask: NDArray[np.bool_], direction: Floats, shortest: float) -> Ite
         uphill = np.stack([np.cos(direction[*run.T]), np.sin(direction[*run.T])]).mean(axis=1)
         normal *= np.copysign(1.0, normal @ uphill)
         line = Line(point, float(np.arctan2(normal[1], normal[0])), pixels, float(inliers.mean()))
-        line = replace(line, pixels=_continued(line, mask & (np.cos(direction - line.angle) > 0.8)))
+        line = replace(line, pixels=_continued(line, places[np.cos(turned - line.angle) > 0.8].astype(float)))
         taken[*run.T] = taken[*line.pixels.T.astype(int)] = True
         yield line
 
 
-def _continued(line: Line, mask: NDArray[np.bool_], gap: float = 6.0) -> Floats:
-    """The pixels of a mask along a line, (n, 2), from its own on to the first gaps."""
-    places = np.argwhere(mask).astype(float)
+def _continued(line: Line, places: Floats, gap: float = 6.0) -> Floats:
+    """Those of the (m, 2) edge pixels that lie along a line, (n, 2), from its own on to the first gaps."""
     away, along = line.along(places)
     order = np.argsort(along[np.abs(away) < 2.0])
     places, along = places[np.abs(away) < 2.0][order], along[np.abs(away) < 2.0][order]
@@ -147,9 +153,13 @@ def locate(line: Line, places: Floats, values: Floats, kernel: Floats) -> Line:
         return np.asarray(shape * max(float(shape @ level), 0.0) / max(float(shape @ shape), 1e-30))
 
     start = [0.0, 0.0, 0.0, np.log(line.sigma)]
-    best = optimize.least_squares(lambda settings: level - fit(settings), start, diff_step=1e-4, x_scale="jac")
+    best = optimize.least_squares(
+        lambda settings: level - fit(settings), start, diff_step=1e-4, x_scale="jac", max_nfev=30
+    )
     offset, tilt, sag, spread = best.x
-    contrast = float(np.ptp(fit(best.x)) / max(np.std(best.fun), 1e-12))
+    rise = float(np.ptp(fit(best.x)))
+    contrast = rise / max(float(np.std(best.fun)), 1e-12)
     angle = float(line.angle - np.arctan(tilt / half))
     point = middle + offset * normal
-    return replace(line, point=point, angle=angle, sigma=float(np.exp(spread)), sag=float(sag), contrast=contrast)
+    spread = float(np.exp(spread))
+    return replace(line, point=point, angle=angle, sigma=spread, sag=float(sag), rise=rise, contrast=contrast)

@@ -1,0 +1,46 @@
+"""Distances from straight edges. Captures come from the pupil model at distances that the table does not hold."""
+
+import numpy as np
+import pytest
+from test_target_edge import SIDE, blurred, line, quartered, shot
+
+from psflut.estimation import Observation, Outcome, estimate
+from psflut.noise import Noise
+
+NOISE = Noise(0.001, gain=8e4)
+
+
+def seen(share, distance, seed, side=SIDE):
+    return Observation(shot(blurred(share, distance, side), seed).image, NOISE)
+
+
+@pytest.mark.parametrize("angle", [5, 45])
+def test_an_edge_tells_its_distance_at_any_angle(lab16mm, angle):
+    for seed, distance in enumerate((1.03, 1.37, 1.79, 2.47)):
+        found = estimate(seen(line(angle), distance, seed), lab16mm, "edge")
+        assert found.distance == pytest.approx(distance, rel=0.01)
+        assert found.stats["misfit"] < 1.5
+
+
+def test_intervals_cover_the_truth_as_often_as_they_say(lab16mm):
+    """Twenty edges, blur radii of 4 to 8 pixels: 12 to 20 hits of 80 % intervals have a probability of 99 %."""
+    rng, hits = np.random.default_rng(0), 0
+    for number in range(20):
+        distance, angle = rng.uniform(1.0, 1.6), rng.uniform(0, 360)
+        near, far = estimate(seen(line(angle), distance, number), lab16mm, "edge", 0.8).interval
+        hits += near <= distance <= far
+    assert hits >= 12
+
+
+def test_four_edges_tell_more_than_one(lab16mm):
+    one = estimate(seen(line(8), 1.5, 0, 122), lab16mm, "edge")
+    four = estimate(seen(quartered, 1.5, 0, 122), lab16mm, "edge")
+    assert np.ptp(four.interval) < np.ptp(one.interval)
+    assert four.stats["edges"] == 4
+    assert four.distance == pytest.approx(1.5, rel=0.005)
+
+
+def test_a_patch_without_an_edge_is_flat(lab16mm, rng):
+    found = estimate(Observation(0.5 + 0.1 * rng.standard_normal((88, 88)), NOISE), lab16mm, "edge")
+    assert found.outcome is Outcome.FLAT
+    assert found.stats["edges"] == 0

@@ -85,6 +85,27 @@ def calibrate(
     encoding = encoding or Encoding()
     if size < 3 or size % 2 == 0:
         raise PsflutError(f"the size of a PSF must be odd and at least 3, got {size}")
+    axis, measured, repeats = measure_all(manifest, target, size, imager, encoding, progress)
+    noise, why_not = _noise(repeats, float(np.mean(encoding.dark)))
+    table = replace(
+        table_of(axis, manifest.kind, measured, pixel_pitch),
+        camera=camera,
+        imager=family.describe(imager),
+        noise=noise,
+        provenance={**_provenance(manifest, target, encoding, measured), "noise_unknown": why_not},
+    )
+    return (assessment or Assessment()).of(table, measured)
+
+
+def measure_all(
+    manifest: Manifest,
+    target: Target,
+    size: int,
+    imager: Imager,
+    encoding: Encoding,
+    progress: Callable[[int], object] = lambda positions: None,
+) -> tuple[Floats, list[Measurement], list[Floats]]:
+    """Positions (N,), metres, the PSF at each, and what repeated frames say of noise; every frame is read once."""
     measured: list[Measurement] = []
     repeats: list[Floats] = []
     for position in manifest.positions:
@@ -92,15 +113,7 @@ def calibrate(
         measured.append(target.measure(frames, size, imager))
         repeats += pair_bins([shot.image for shot in frames])
         progress(1)
-    noise, why_not = _noise(repeats, float(np.mean(encoding.dark)))
-    table = replace(
-        table_of(np.array(manifest.positions), manifest.kind, measured, pixel_pitch),
-        camera=camera,
-        imager=family.describe(imager),
-        noise=noise,
-        provenance={**_provenance(manifest, target, encoding, measured), "noise_unknown": why_not},
-    )
-    return (assessment or Assessment()).of(table, measured)
+    return np.array(manifest.positions), measured, repeats
 
 
 def _noise(repeats: list[Floats], dark: float) -> tuple[Noise | None, str]:

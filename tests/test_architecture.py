@@ -16,7 +16,7 @@ FLOORS = [  # from the roof to the cellar; a module imports from lower floors on
     {"psflut.plots", "calib.efficiency"},
     {"calib.calibrate"},
     {"calib.assess"},
-    {"calib.check", "calib.fill"},
+    {"calib.check", "calib.drift", "calib.fill"},
     {"calib.build", "calib.nearest", "calib.placement", "calib.ranges"},
     {"calib.recipe", "calib.captures"},
     {"calib.targets", "calib.manifest", "calib.photons"},

@@ -1,6 +1,7 @@
 """From a folder of synthetic frames to a table, by the command line; frames come from a finely sampled pupil."""
 
 import csv
+import json
 import sys
 from dataclasses import replace
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 from psflut import Noise, Observation, Setup, cli, estimate, read_table, simulate
+from psflut.optics import Camera
 from psflut.psfs.pupil import Pupil
 
 FINE, SIZE, SIDE = 5, 31, 180
@@ -117,3 +119,35 @@ def test_a_frame_without_a_target_is_named_and_nothing_is_left(captures, monkeyp
     message = capsys.readouterr().err.strip().splitlines()[-1]
     assert "3a.png" in message
     assert sorted(tmp_path.iterdir()) == before
+
+
+def test_the_table_holds_for_new_frames_but_not_for_another_focus(captures, table, monkeypatch, capsys, lab16mm):
+    moved = Camera.of(16e-3, 6e-6, f_number=2, focus_distance=4.5)
+    rng, folder = np.random.default_rng(9), captures.parent / "again"
+    folder.mkdir()
+    answers = {}
+    for name, camera in (("same", lab16mm.camera), ("moved", moved)):
+        lines = ["file,distance_m"]
+        for z in (1.4, 1.6, 1.9):
+            iio.imwrite(folder / f"{name}-{z}.png", frame(camera, z, np.random.default_rng(int(100 * z)), rng))
+            lines.append(f"{name}-{z}.png,{z}")
+        (folder / f"{name}.csv").write_text("\n".join(lines))
+        words = ["check", captures.parent / "table.zarr.zip", folder / f"{name}.csv", "--dark", "0.02", "--json"]
+        assert run(monkeypatch, *words) == 0
+        answers[name] = json.loads(capsys.readouterr().out)
+    assert answers["same"]["verdict"] == "holds"
+    assert answers["moved"]["verdict"] == "drifted"
+    assert answers["moved"]["shift_dioptre"] == pytest.approx(1 / 6 - 1 / 4.5, rel=0.1)
+
+
+def test_what_cannot_be_a_calibration_is_refused_before_any_frame_is_read(captures, monkeypatch, capsys, tmp_path):
+    words = ["--target", "point", "--pixel-pitch", "6 um", "-o", tmp_path / "t.zarr.zip"]
+    for more, sentence in (
+        (["--planes", "50"], "--model pupil"),
+        (["--model", "ray"], "the model that can be fitted is pupil"),
+        (["--placement", "3"], "a length is a number with a unit"),
+        (["--size", "30"], "must be odd"),
+    ):
+        assert run(monkeypatch, "calibrate", captures, *words, *more) == 2
+        assert sentence in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())

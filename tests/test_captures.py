@@ -225,3 +225,20 @@ def test_frames_are_read_when_they_are_asked_for(folder):
     assert len(shots(manifest, 0.0)) == 1
     with pytest.raises(PsflutError, match=r"b\.png"):
         shots(manifest, 1.0)
+
+
+@pytest.mark.parametrize("level", [4095, 65520, 16383, 1023])
+def test_the_ceiling_of_fewer_bits_is_saturation(tmp_path, level):
+    """12 bits in a file of 16, low or shifted up; a peak that no others share, or at another level, is none."""
+    rng = np.random.default_rng(0)
+    for top, expected in ((level, 30), (level - 1, 0)):
+        frame = rng.integers(level // 4, level // 2, (16, 24)).astype(np.uint16)
+        frame[4:9, 4:10] = top
+        iio.imwrite(tmp_path / "a.png", frame)
+        for gamma in (1.0, 2.2):
+            (shot,) = shots(manifest_of(tmp_path, "file,stage_m\na.png,0\n"), 0.0, gamma)
+            assert np.isnan(shot.image).sum() == expected
+    frame[4:9, 4:10] = level // 3
+    frame[4, 4:6] = level
+    iio.imwrite(tmp_path / "a.png", frame)
+    assert not np.isnan(shots(manifest_of(tmp_path, "file,stage_m\na.png,0\n"), 0.0)[0].image).any()

@@ -8,6 +8,7 @@ import pytest
 from calib.assess import Assessment
 from calib.build import table_of
 from calib.check import facts, hold_out
+from calib.drift import drift
 from calib.nearest import nearest
 from calib.pupil_fit import Lens, fit_lens
 from calib.ranges import ranges
@@ -132,3 +133,47 @@ def test_what_cannot_be_looked_into_is_refused(fitted):
     for wrong in ({"placement": -1.0}, {"planes": 50}, {"planes": 2, "model": True}):
         with pytest.raises(PsflutError, match=r"sigma is a length|more planes"):
             Assessment(**wrong)
+
+
+@pytest.fixture(scope="module")
+def calibrated():
+    axis = axis_of(16, 1.05, 2.5)
+    frames = measured(axis, np.random.default_rng(4))
+    return Assessment().of(replace(table_of(axis, "distance", frames, CAMERA.pixel_pitch), camera=CAMERA), frames)
+
+
+FRESH = np.array([1.11, 1.27, 1.39, 1.63, 1.88, 2.17])
+
+
+def again(camera, rng):
+    """Fresh frames at other places, by a camera that may have changed."""
+    std = np.full((SIZE, SIZE), NOISE)
+    planes = [MODEL(camera, z, SIZE) + std * rng.standard_normal(std.shape) for z in FRESH]
+    return [Measurement(plane, std, 1) for plane in planes]
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_table_holds_for_new_frames_of_the_same_lens(calibrated, seed):
+    found = drift(calibrated, FRESH, again(CAMERA, np.random.default_rng(seed)))
+    assert found.verdict == "holds"
+    assert "holds" in found.message()
+
+
+@pytest.mark.parametrize("focus", [5.4, 5.7, 6.6])
+def test_a_focus_that_moved_is_named(calibrated, rng, focus):
+    """From 6 m; 30 cm there are a hundredth of a dioptre."""
+    moved = Camera.of(16e-3, 6e-6, f_number=2, focus_distance=focus)
+    found = drift(calibrated, FRESH, again(moved, rng))
+    facts = found.facts()
+    assert found.verdict == "drifted"
+    assert found.shift[0] == pytest.approx(1 / 6 - 1 / focus, abs=3 * found.shift[1])
+    assert facts["focus_m"] == pytest.approx(focus, abs=0.1)
+    assert (facts["shift_m"] > 0) == (focus < 6.0) == ("too far" in found.message())
+    assert facts["chi_square"]["shifted"] < 0.5 * facts["chi_square"]["as_it_is"]
+
+
+def test_another_aperture_is_no_shift(calibrated, rng):
+    found = drift(calibrated, FRESH, again(replace(CAMERA, aperture_diameter=4e-3), rng))
+    assert found.verdict == "changed"
+    with pytest.raises(PsflutError, match="within the table"):
+        drift(calibrated, np.array([3.0]), again(CAMERA, rng)[:1])

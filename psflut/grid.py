@@ -27,16 +27,19 @@ class Grid:
     power, noise : (K,) arrays
         Of the patch and of its noise, by annulus.
     fit : Fit
+    exact : Density
+        The posterior that the evidence makes with a table without errors.
     spread : callable
         Of the table's own errors, `psflut.spread`.
     density : Density
-        The posterior that the evidence makes, widened by that spread.
+        The posterior: `exact`, widened by that spread.
     """
 
     bank: evidence.Bank
     power: Floats
     noise: Floats
     fit: evidence.Fit
+    exact: Density
     spread: Spread
     density: Density
 
@@ -52,8 +55,8 @@ def grid(problem: Problem, candidates: int) -> Grid:
     noise = evidence.noise_power(bank, problem.noise, problem.mean_level)
     fit = evidence.integrate(problem.power, noise, bank)
     width = spread(problem.table, problem.shape, bank, noise, fit.log_evidence, fit.theta)
-    density = Density(bank.even, fit.log_evidence, problem.table.position).widened(width)
-    return Grid(bank, problem.power, noise, fit, width, density)
+    exact = Density(bank.even, fit.log_evidence, problem.table.position)
+    return Grid(bank, problem.power, noise, fit, exact, width, exact.widened(width))
 
 
 def restored(problem: Problem, found: Grid, distance: float) -> Floats:

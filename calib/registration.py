@@ -19,21 +19,26 @@ def place(matrix: Floats, y: Floats, x: Floats) -> tuple[Floats, Floats]:
     return (matrix[1, 0] * x + matrix[1, 1] * y + matrix[1, 2]) / below, across
 
 
-def covered(picture: Floats, matrix: Floats, y: Floats, x: Floats, margin: int = 3) -> NDArray[np.bool_]:
-    """Whether the crossings of lines y (h,) and x (w,) of a frame lie in the picture, clear of its border."""
+def covered(shape: tuple[int, ...], matrix: Floats, y: Floats, x: Floats, margin: int = 3) -> NDArray[np.bool_]:
+    """Whether the crossings of lines y (h,) and x (w,) of a frame lie in a picture of a shape, clear of its border."""
     where = place(matrix, y[:, None], x[None, :])
-    sides = zip(where, picture.shape, strict=True)
+    sides = zip(where, shape, strict=True)
     return np.asarray(np.all([(at >= margin) & (at <= n - 1 - margin) for at, n in sides], axis=0))
 
 
-def sample(picture: Floats, matrix: Floats, y: Floats, x: Floats) -> Floats:
-    """The picture at the crossings of lines y (h,) and x (w,) of a frame, by splines of order 5."""
+def splines(picture: Floats) -> Floats:
+    """What `sample` takes: coefficients of splines of order 5."""
+    return np.asarray(ndimage.spline_filter(picture, order=5))
+
+
+def sample(coefficients: Floats, matrix: Floats, y: Floats, x: Floats) -> Floats:
+    """The picture of these `splines` at the crossings of lines y (h,) and x (w,) of a frame."""
     where = np.array(place(matrix, y[:, None], x[None, :]))
-    return np.asarray(ndimage.map_coordinates(picture, where, order=5, mode="nearest"))
+    return np.asarray(ndimage.map_coordinates(coefficients, where, order=5, mode="nearest", prefilter=False))
 
 
 def pixel_mean(picture: Floats, matrix: Floats, middle: tuple[float, float]) -> Floats:
-    """A picture of points, each replaced by the mean over the pixel of a frame around it.
+    """The mean over the pixel of a frame around every point of a picture that is made of square dots.
 
     The pixel is a parallelogram in the picture, taken at the `middle` (y, x) of the frame.
     """
@@ -44,7 +49,7 @@ def pixel_mean(picture: Floats, matrix: Floats, middle: tuple[float, float]) -> 
     padded = np.pad(picture, margin, mode="edge")
     shape = tuple(fft.next_fast_len(n, True) for n in padded.shape)
     v, u = fft.fftfreq(shape[0])[:, None], fft.rfftfreq(shape[1])
-    transfer = np.sinc(down[0] * v + down[1] * u) * np.sinc(across[0] * v + across[1] * u)
+    transfer = np.sinc(v) * np.sinc(u) * np.sinc(down[0] * v + down[1] * u) * np.sinc(across[0] * v + across[1] * u)
     mean = fft.irfft2(fft.rfft2(padded, shape) * transfer, shape)
     return np.asarray(mean[margin : margin + picture.shape[0], margin : margin + picture.shape[1]])
 
@@ -85,8 +90,9 @@ def coarse(frame: Floats, picture: Floats, grain: float) -> Floats:
     parts = [image[y : y + side, x : x + side] * window for image, (y, x) in zip((frame, picture), starts, strict=True)]
     shift = phase_cross_correlation(*parts, normalization=None)[0]
     matrix[:2, 2] = (np.array(starts[1]) - starts[0] - shift)[::-1]
+    coefficients = splines(picture)
     for _ in range(4):
-        matrix = _agreeing(frame, picture, matrix)
+        matrix = _agreeing(frame, coefficients, matrix)
     return matrix
 
 
@@ -96,7 +102,7 @@ def _even(image: Floats, grain: float) -> Floats:
     return np.asarray(smooth - ndimage.gaussian_filter(image, 25.0))
 
 
-def _agreeing(frame: Floats, picture: Floats, matrix: Floats) -> Floats:
+def _agreeing(frame: Floats, coefficients: Floats, matrix: Floats) -> Floats:
     """The affine map of those tiles that agree."""
     from skimage.measure import ransac
     from skimage.registration import phase_cross_correlation
@@ -104,7 +110,7 @@ def _agreeing(frame: Floats, picture: Floats, matrix: Floats) -> Floats:
 
     shape, window = frame.shape, np.hanning(TILE)[:, None] * np.hanning(TILE)
     y, x = (np.arange(n, dtype=float) for n in shape)
-    warped, known = sample(picture, matrix, y, x), covered(picture, matrix, y, x)
+    warped, known = sample(coefficients, matrix, y, x), covered(coefficients.shape, matrix, y, x)
     inside, outside = [], []
     for top in range(0, shape[0] - TILE + 1, TILE // 2):
         for left in range(0, shape[1] - TILE + 1, TILE // 2):

@@ -265,3 +265,11 @@ def write_tiff(path: Path, image: NDArray[np.floating], about: Mapping[str, Any]
     check_tiff(path, overwrite)
     with staged(path, overwrite) as stage:
         tifffile.imwrite(stage, image.astype(np.float32), description=json.dumps(about, sort_keys=True), metadata=None)
+
+
+def write_png(path: Path, image: NDArray[np.floating], overwrite: bool = False) -> None:
+    """An 8-bit grey PNG of values from 0 to 1."""
+    import imageio.v3 as iio
+
+    with staged(path, overwrite) as stage:
+        iio.imwrite(stage, np.rint(255.0 * np.clip(image, 0.0, 1.0)).astype(np.uint8), extension=".png")

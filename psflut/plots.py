@@ -28,6 +28,7 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 LOWEST_LOG = -60.0
 """Nats below its peak to which a log density is shown."""
 
+INCH = 0.0254
 TRUTH, INK = "#222222", "#444444"
 LOOK: Any = {
     "font.family": "sans-serif",
@@ -189,7 +190,38 @@ def curve(axis: Axes, found: Estimate, colour: str) -> None:
         axis.text(0.02, 0.95, found.outcome.name.lower(), transform=axis.transAxes, va="top", color=INK)
 
 
+@_styled
+def page(picture: Floats, dot: float, paper: tuple[float, float], place: float, words: str) -> Figure:
+    """A page to print: a black and white picture, words and a scale of 100 mm below it.
+
+    Parameters
+    ----------
+    picture : (H, W) array
+        0 is black, 1 white.
+    dot, place : float
+        Side of a dot of the picture, and its distance from the left and upper rim; metres.
+    paper : (float, float)
+        Height and width of the page, metres.
+    """
+    height, width = paper
+    across, down = dot * picture.shape[1], dot * picture.shape[0]
+    figure = Plot(figsize=(width / INCH, height / INCH))
+    bottom = height - place - down
+    axis = figure.add_axes((place / width, bottom / height, across / width, down / height))
+    axis.imshow(picture, vmin=0, vmax=1, interpolation="none", aspect="auto")
+    axis.set_axis_off()
+    ruler = figure.add_axes((0.02 / width, 0.009 / height, 0.1 / width, 0.003 / height))
+    ruler.set(xlim=(0, 100), ylim=(0, 1), yticks=[], xticks=range(0, 101, 10))
+    ruler.barh([0.5], [10] * 10, 1.0, left=range(0, 100, 10), color=["black", "white"] * 5, edgecolor="black", lw=0.5)
+    ruler.tick_params(length=0, labelsize=6)
+    figure.text(0.127 / width, 0.0095 / height, "mm", fontsize=7)
+    figure.text(0.02 / width, (bottom - 0.001) / height, fill(words, 125), fontsize=7, va="top", color=INK)
+    return figure
+
+
 def save(figure: Figure, path: Path, overwrite: bool = True) -> None:
-    """Write a figure whole or not at all; PNG without a date, so the same figure gives the same bytes."""
+    """Write a figure whole or not at all; without a date, so the same figure gives the same bytes."""
+    kind = path.suffix.lstrip(".").lower()
+    metadata = {"CreationDate": None} if kind == "pdf" else {"Software": None}
     with mpl.rc_context(LOOK), staged(path, overwrite) as stage:
-        figure.savefig(stage, format=path.suffix.lstrip("."), metadata={"Software": None})
+        figure.savefig(stage, format=kind, metadata=metadata)

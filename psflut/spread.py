@@ -80,7 +80,7 @@ def spread(
 
     def total(even: Floats) -> Floats:
         parts = placement(table, even), between(table, even), np.interp(even, places[order], sd[order])
-        return np.asarray(np.linalg.norm(parts, axis=0))
+        return np.asarray(np.minimum(np.linalg.norm(parts, axis=0), np.ptp(bank.even)))
 
     return total
 
@@ -150,8 +150,9 @@ def pixels(
         change = np.append(towards / (bins * power), 0.0)[rings.index]
         gradient = np.prod(shape) * fft.irfft2(rings.smear(change) * otf, s=shape)[kept]
         gradient -= np.sum(gradient * psf)  # the sum of a PSF is 1 whatever its errors
-        out.append(np.sqrt(np.sum((gradient * std) ** 2)) / np.sum(towards * slope[chosen == k]))
-    return np.array(out)
+        told = np.sum(towards * slope[chosen == k])  # nothing where all planes are alike
+        out.append(np.sqrt(np.sum((gradient * std) ** 2)) / told if told > 0 else np.inf)
+    return np.minimum(out, np.ptp(bank.even))
 
 
 def _errors(table: PSFTable) -> Floats:

@@ -92,3 +92,11 @@ def test_a_dense_table_is_read_as_before_and_a_sparse_one_more_widely(lab16mm, l
     dense, sparse = look(lab_patch, lab16mm), look(lab_patch, table_of(lab16mm, 7))
     assert dense.density is dense.exact
     assert np.ptp(sparse.density.interval(0.95)) > 1.5 * np.ptp(sparse.exact.interval(0.95))
+
+
+def test_a_table_whose_planes_are_alike_says_nothing_of_distance(lab16mm, lab_patch):
+    plane = np.repeat(table_of(lab16mm, 3).psf[:1], 6, axis=0)
+    axis = lab16mm.candidates(6)
+    table = PSFTable(axis, plane, lab16mm.pixel_pitch, psf_std=np.full_like(plane, 1e-4))
+    near, far = look(lab_patch, table).density.interval(0.9)
+    assert 1 / near - 1 / far == pytest.approx(0.9 * (1 / axis[0] - 1 / axis[-1]), rel=0.05)

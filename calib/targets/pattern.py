@@ -49,6 +49,14 @@ class Pattern(Target):
     Assumed: the same PSF all over the part of the frame that is used; no light beyond 3 sigma + 2 pixels of the
     spread; no waves around the centre above `order`; white noise.
 
+    Measured through an f/2 lens on 12-bit frames, summed |error| and its ratio to the standard errors: printed page
+    0.017, 0.020, 0.028, 0.056 and 0.9, 1.1, 1.5, 6.7 at blur radii of 7.1, 4.9, 3.1, 1.3 pixels; sharp frame 0.06,
+    0.04, 0.05, 0.08 and 1.4, 0.9, 1.0, 1.0 at 9.5, 6.4, 4.7, 3.3 pixels. So below some 4 pixels the standard errors of
+    a printed page are too small: one smoothness for the whole PSF does not expect the fringes of its middle, finer
+    than a pixel. A sharp frame knows nothing beyond the pixels' Nyquist frequency: at 1.8 pixels its error is
+    0.13, at 0.6 pixels 0.4 or more. Free pixels with a variance a ring, or with one weight for their gradient,
+    had errors of 0.09 to 0.22 where this has 0.04 to 0.1.
+
     Parameters
     ----------
     reference : str

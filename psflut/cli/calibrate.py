@@ -27,7 +27,8 @@ def run(
     gamma: Gamma = 1.0,
     srgb: Srgb = False,
     reference: Annotated[
-        Path | None, typer.Option(help="Of a pattern: a sharp frame of the same scene, in the frames' encoding.")
+        Path | None,
+        typer.Option(help="Of a pattern: a sharp frame, encoded as the others are, or noise:A4:0."),
     ] = None,
     figure: Annotated[Path | None, typer.Option(help="Also draw a contact sheet of the PSFs: FILE.png.")] = None,
     placement: Annotated[

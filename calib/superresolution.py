@@ -45,10 +45,12 @@ class Fit:
             spread = np.maximum(columns @ factors, 1e-3 * spread.mean() + 1e-300)
         return np.asarray((spread / spread.mean()).reshape(light.shape))
 
-    def draw(self, rng: np.random.Generator) -> Floats:
-        """The samples with noise as large, and coloured, as what the fit leaves open."""
-        white = np.sqrt(self.spread) * rng.standard_normal(self.psf.shape)
-        return self.psf + _images(_spectra(white) * np.sqrt(self.power) / len(self.psf))
+    def draws(self, rng: np.random.Generator, count: int) -> Floats:
+        """(count, W, W) the samples with noise as large, and coloured, as what the fit leaves open."""
+        shape = self.psf.shape
+        white = np.sqrt(self.spread) * rng.standard_normal((count, *shape))
+        gain = np.sqrt(fft.ifftshift(self.power))[:, : shape[1] // 2 + 1] / shape[0]
+        return np.asarray(self.psf + fft.irfft2(fft.rfft2(white) * gain, shape))
 
     @property
     def variance(self) -> Floats:

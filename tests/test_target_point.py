@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
 from scipy.signal import fftconvolve
 
 from calib.targets import Shot
@@ -87,6 +88,24 @@ def test_more_points_tell_more(measured, rng):
     assert few.used == 4
     assert 1.5 < few.std.mean() / measured[1.63][0].std.mean() < 8
     assert wrong(few, truth) > wrong(measured[1.63][0], truth)
+
+
+def test_a_round_psf_is_known_better(measured, rng):
+    few = shots(2.37, 21, rng)
+    round_one, whole = (Point(round=r).measure(few, 21, Plain()) for r in (True, False))
+    truth = measured[2.37][1]
+    assert wrong(round_one, truth) < 0.75 * wrong(whole, truth)
+    assert round_one.psf == pytest.approx(round_one.psf[::-1, ::-1])
+
+
+def test_bright_points_of_another_shape_do_not_tell_most(rng):
+    """Two of sixteen, eight times as bright and more blurred: by energy they would be most of the fit (0.28)."""
+    picture = photograph(1.63, 25, rng, points=4)
+    for cell in ((slice(56, 104), slice(56, 104)), (slice(104, 152), slice(8, 56))):
+        picture[cell] = 0.03 + 8 * (gaussian_filter(picture[cell], 3.0) - 0.03)
+    found = Point().measure([Shot(picture, 1.63, "shot")], 25, Plain())
+    assert found.used == 14
+    assert wrong(found, Pupil()(LAB, 1.63, 25)) < 0.05
 
 
 def test_a_point_on_a_pixel_edge_is_not_smeared(rng):

@@ -13,6 +13,7 @@ from calib.targets import Measurement, Shot, Target
 from calib.unfilter import unfilter
 from psflut.errors import PsflutError
 from psflut.imagers import Imager
+from psflut.subpixel import rounded
 
 Floats = NDArray[np.float64]
 
@@ -75,6 +76,7 @@ class Point(Target):
     separation: float = 1.0
     oversampling: int = 3
     rounds: int = 15
+    round: bool = False
 
     def measure(self, shots: Sequence[Shot], size: int, imager: Imager) -> Measurement:
         """See `Target`. Standard errors are those of independent noise, as large as the residuals say.
@@ -84,8 +86,8 @@ class Point(Target):
         """
         stamps, rejected = self._collect(shots, size, imager.signed)
         while stamps:
-            images, shift, noise = (np.array(part) for part in list(zip(*stamps, strict=True))[:3])
-            coarse = superresolve(images, shift, noise, 1, COARSE_ROUNDS)  # the finer fit would bend to an outlier
+            images, shift, dark = (np.array(part) for part in list(zip(*stamps, strict=True))[:3])
+            coarse, noise = _coarse(images, shift, dark)  # the finer fit would bend to an outlier
             bad = _unlike(coarse, noise)
             if not bad.any():
                 finer = self.oversampling if len(stamps) >= LEAST_FINE else 1
@@ -114,16 +116,21 @@ class Point(Target):
 
     def _finish(self, fit: Fit, size: int, imager: Imager) -> tuple[Floats, Floats]:
         """PSF and standard error, of sum 1; imager and pinhole taken out where there are any."""
+
+        def shaped(psf: Floats) -> Floats:
+            kept = rounded(psf[None])[0] if self.round else psf
+            return np.asarray(kept / kept.sum())
+
         if self.pinhole > 0 or imager.kernel().size > 1:
-            return unfilter(fit.psf, fit.variance, _shown(imager, self.pinhole, len(fit.psf)), size)
+            found, error = unfilter(fit.psf, fit.variance, _shown(imager, self.pinhole, len(fit.psf)), size)
+            return shaped(found), error
         around, crop = _around(len(fit.psf), size), slice((len(fit.psf) - size) // 2, (len(fit.psf) + size) // 2)
 
         def psf(shown: Floats) -> Floats:
-            inner = (shown - shown[around].mean())[crop, crop]
-            return np.asarray(inner / inner.sum())
+            return shaped((shown - shown[around].mean())[crop, crop])
 
         rng = np.random.default_rng(0)
-        return psf(fit.psf), np.std([psf(fit.draw(rng)) for _ in range(DRAWS)], axis=0)
+        return psf(fit.psf), np.std([psf(drawn) for drawn in fit.draws(rng, DRAWS)], axis=0)
 
 
 def _find(image: Floats, size: int, signed: bool) -> Floats:
@@ -170,6 +177,21 @@ def _around(width: int, size: int) -> NDArray[np.bool_]:
     """Which pixels of a window lie outside the PSF's own."""
     line = np.abs(np.arange(width) - width // 2) > size // 2
     return np.asarray(line[:, None] | line)
+
+
+def _coarse(images: Floats, shift: Floats, dark: Floats) -> tuple[Fit, Floats]:
+    """A fit by Fourier shifts, and the relative variance (N,) of every window's pixels about the common shape.
+
+    Points differ in shape by some share of their light, so that the brightest do not tell most: to the variance of the
+    dark comes the energy times what the median point leaves of its own. In the first fit all points count alike. The
+    mean stays that of the dark: how much the residuals exceed it is for the fit to say.
+    """
+    energy = np.maximum(np.sum(images**2, axis=(1, 2)), dark)
+    alike = superresolve(images, shift, energy * np.median(dark / energy), 1, COARSE_ROUNDS)
+    excess = np.maximum(np.mean(alike.residual**2, axis=(1, 2)) - dark, 0.0)
+    noise = dark + energy * np.median(excess / energy)
+    noise *= dark.mean() / noise.mean()
+    return superresolve(images, alike.shift, noise, 1, COARSE_ROUNDS), noise
 
 
 def _unlike(fit: Fit, noise: Floats) -> NDArray[np.bool_]:

@@ -88,7 +88,7 @@ def _check(facts: Mapping[str, Any]) -> list[tuple[str, str]]:
         if check["position_error_of_distance"] is not None:
             error += f" or {check['position_error_of_distance']:.2%} of the distance"
         noisy = f"PSFs differ by {shape:.1%}, their noise included"
-        rows.append(("check", f"{left_out}: expected rms error {error}; {noisy}"))
+        rows.append(("check", f"{left_out}: median error to expect {error}; {noisy}"))
     if "placement_m" in check:
         sigma = check["placement_m"]
         rows.append(("placement", f"sigma {format_length(sigma)}" if sigma else "no error seen beside those of PSFs"))

@@ -1,0 +1,112 @@
+"""What calibration promises, for every target: 20 distances, PSFs from the pupil model, 12 bits, photon and read noise.
+
+    python -m pytest -m benchmark tests/benchmarks/test_calibration.py -s
+
+Prints a table, and fails where a promise is not kept.
+"""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+from frames import DISTANCES, FRAMES, LENS, SIZE, truth
+
+from calib.assess import Assessment
+from calib.build import table_of
+from calib.nearest import nearest
+from psflut import Noise, Observation, Setup, estimate, family, simulate
+from psflut.imagers.plain import Plain
+
+pytestmark = pytest.mark.benchmark
+SHOTS, FRESH = 2, 40
+SCENES = (1.03, 1.21, 1.37, 1.58, 1.79, 2.05, 2.47, 2.9)
+L1_BAR = {"point": 0.05, "edge": 0.08, "pattern": 0.08}
+
+
+class Row(NamedTuple):
+    """Of a target: mean summed |error| of measured PSFs and of the table's, errors of lit pixels over the standard
+    errors stated (of both, root mean square), error of wiener over that with the true table, and the error that check
+    expects over that of fresh frames (medians); and these two in % of the distance."""
+
+    measured: float
+    table: float
+    measured_honesty: float
+    table_honesty: float
+    wiener: float
+    check: float
+    expected: float
+    true: float
+
+
+def test_every_target_has_its_frames():
+    assert set(FRAMES) == set(family.names("calib.targets"))
+
+
+@pytest.fixture(scope="module", params=FRAMES)
+def result(request, tmp_path_factory, scene):
+    factory, frame = FRAMES[request.param]
+    target, rng = factory(tmp_path_factory.mktemp("frames")), np.random.default_rng(7)
+
+    def measure(z):
+        return target.measure([frame(float(z), rng) for _ in range(SHOTS)], SIZE, Plain())
+
+    measured = [measure(z) for z in DISTANCES]
+    table = Assessment().of(table_of(DISTANCES, "distance", measured, LENS.pixel_pitch), measured)
+    true = np.stack([truth(float(z)) for z in DISTANCES])
+    fresh = 1 / np.random.default_rng(8).uniform(1 / DISTANCES[-1], 1 / DISTANCES[0], FRESH)
+    errors = np.array([nearest(table, measure(z).psf) / z - 1 for z in fresh])
+    lit = true > 0.05 * true.max(axis=(1, 2), keepdims=True)
+    expected = table.check["position_error_of_distance"]
+    row = Row(
+        float(np.mean([np.abs(one.psf - psf).sum() for one, psf in zip(measured, true, strict=True)])),
+        float(np.abs(table.psf - true).sum(axis=(1, 2)).mean()),
+        honesty(np.stack([one.psf for one in measured]), np.stack([one.std for one in measured]), true, lit),
+        honesty(table.psf, table.psf_std, true, lit),
+        wiener(table, true, scene),
+        expected / float(np.median(np.abs(errors))),
+        100 * expected,
+        100 * float(np.median(np.abs(errors))),
+    )
+    print(f"\n{request.param}: " + ", ".join(f"{name} {value:.3g}" for name, value in row._asdict().items()))
+    return request.param, row
+
+
+def honesty(found, std, true, lit):
+    """Root of the error's energy over the energy stated, over lit pixels."""
+    return float(np.sqrt(np.sum((found - true)[lit] ** 2) / np.sum(std[lit] ** 2)))
+
+
+def wiener(table, planes, scene):
+    """Mean error with the measured table over that with the true one, on captures by the model itself."""
+    true = replace(table, psf=planes, psf_std=None, axis_std=None, check=None)
+    source = replace(true, camera=LENS, provenance={"model": "pupil", "settings": {}})
+    errors = {"measured": [], "true": []}
+    for seed, distance in enumerate(SCENES):
+        image, _ = simulate(scene, source, distance, Setup(noise="0.005"), seed)
+        for name, each in (("measured", table), ("true", true)):
+            found = estimate(Observation(image[64:192, 64:192], Noise(0.005)), each, "wiener")
+            errors[name].append(abs(found.distance - distance) / distance)
+    return float(np.mean(errors["measured"]) / np.mean(errors["true"]))
+
+
+def test_psfs_are_measured(result):
+    name, row = result
+    assert row.table < L1_BAR[name]
+
+
+def test_standard_errors_are_honest(result):
+    assert 1 / 1.3 < result[1].measured_honesty < 1.3
+    assert 1 / 1.3 < result[1].table_honesty < 1.3
+
+
+def test_the_measured_table_reads_like_the_true_one(result):
+    assert result[1].wiener < 1.2
+
+
+def test_the_error_that_check_expects_is_the_true_one(result):
+    assert 1 / 1.5 < result[1].check < 1.5

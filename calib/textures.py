@@ -11,8 +11,7 @@ import argparse
 import hashlib
 import json
 import sys
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -20,13 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import digamma, polygamma
 
-from calib.efficiency import learn_efficiency
+from calib.efficiency import SHARES, learn_efficiency
 from psflut.errors import PsflutError
 from psflut.files import staged
 from psflut.images import read_image
 from psflut.spectrum import annular_power, annuli
 from psflut.store import read_table
-from psflut.table import PSFTable
 from psflut.texture import TexturePrior, basis
 
 Floats = NDArray[np.float64]
@@ -38,12 +36,19 @@ FREE_CONTRAST = 3.0
 """Standard deviation of the prior on theta_0, in nats: a factor of 20 in power either way."""
 
 
-class Sample(NamedTuple):
-    """ln power of one patch, the basis at its frequencies, and the sampling variance of ln power."""
+class Spectra(NamedTuple):
+    """ln power (N, K) of N patches of one size, less its sampling bias; the basis (K, J) at their frequencies, the
+    sampling variance (K,) of ln power, and from which photograph (N,) each patch is."""
 
     log_power: Floats
     basis: Floats
     variance: Floats
+    photograph: NDArray[np.intp]
+
+    def without(self, photograph: int) -> "Spectra":
+        """Those of all other photographs."""
+        kept = self.photograph != photograph
+        return self._replace(log_power=self.log_power[kept], photograph=self.photograph[kept])
 
 
 def shrink(image: Floats) -> Floats:
@@ -52,39 +57,43 @@ def shrink(image: Floats) -> Floats:
     return np.asarray(image[:height, :width].reshape(height // 2, 2, width // 2, 2).mean(axis=(1, 3)))
 
 
-def samples(image: Floats, sizes: tuple[int, ...], terms: int) -> list[Sample]:
-    """Half-overlapping square patches of those sides (pixels) of a sharp image; flat ones are left out."""
-    out = []
-    for size in sizes:
-        rings = annuli((size, size))
-        shift, variance = digamma(rings.effective) - np.log(rings.effective), polygamma(1, rings.effective)
+def spectra(images: Sequence[Floats], size: int, terms: int) -> Spectra:
+    """Half-overlapping square patches of that side (pixels) of sharp images; flat ones are left out."""
+    rings = annuli((size, size))
+    powers, numbers = [], []
+    for number, image in enumerate(images):
         for y in range(0, image.shape[0] - size + 1, size // 2):
             for x in range(0, image.shape[1] - size + 1, size // 2):
                 power = annular_power(image[y : y + size, x : x + size])
                 if power.min() > 1e-9:  # saturated or blank
-                    out.append(Sample(np.log(power) - shift, basis(rings.frequency, terms), variance))
-    return out
+                    powers.append(power)
+                    numbers.append(number)
+    bias = digamma(rings.effective) - np.log(rings.effective)
+    matrix, variance = basis(rings.frequency, terms), polygamma(1, rings.effective)
+    return Spectra(np.log(np.array(powers)) - bias, matrix, variance, np.array(numbers))
 
 
-def fit(patches: list[Sample], rounds: int = 200) -> tuple[Floats, Floats, float]:
-    """Mean (J,), covariance (J, J) and roughness by expectation maximisation."""
-    terms = patches[0].basis.shape[1]
+def fit(groups: Sequence[Spectra], rounds: int = 200) -> tuple[Floats, Floats, float]:
+    """Mean (J,), covariance (J, J) and roughness by expectation maximisation; patches of one size go together."""
+    terms = groups[0].basis.shape[1]
     mean, covariance, rough = np.zeros(terms), np.eye(terms), 0.1
+    count = sum(len(group.log_power) for group in groups)
     for _ in range(rounds):
         inverse = np.linalg.inv(covariance)
-        centres, spreads, misfit = [], [], []
-        for y, matrix, variance in patches:
+        centres, spreads, misfit = [], np.zeros_like(covariance), 0.0
+        for y, matrix, variance, _ in groups:
             weight = 1.0 / (variance + rough)
             spread = np.linalg.inv(inverse + (matrix.T * weight) @ matrix)
-            centre = spread @ (inverse @ mean + matrix.T @ (weight * y))
-            residual = (y - matrix @ centre) ** 2 + np.einsum("kj,ji,ki->k", matrix, spread, matrix)
+            centre = (inverse @ mean + (y * weight) @ matrix) @ spread
+            residual = np.sum((y - centre @ matrix.T) ** 2, axis=0)
+            residual += len(y) * np.einsum("kj,ji,ki->k", matrix, spread, matrix)
             # Posterior second moment of the rough part of each residual.
-            misfit.append(np.mean(rough * variance * weight + (rough * weight) ** 2 * residual))
+            misfit += np.mean(len(y) * rough * variance * weight + (rough * weight) ** 2 * residual)
             centres.append(centre)
-            spreads.append(spread)
-        mean = np.mean(centres, axis=0)
-        covariance = np.cov(np.array(centres).T, bias=True) + np.mean(spreads, axis=0)
-        rough = float(np.mean(misfit))
+            spreads += len(y) * spread
+        mean = np.concatenate(centres).mean(axis=0)
+        covariance = np.cov(np.concatenate(centres).T, bias=True) + spreads / count
+        rough = float(misfit / count)
     return mean, covariance, float(np.sqrt(rough))
 
 
@@ -96,12 +105,11 @@ def free_contrast(covariance: Floats) -> Floats:
     return free
 
 
-def learn(images: Sequence[Floats], terms: int, table: PSFTable, rng: np.random.Generator) -> TexturePrior:
-    """All numbers of the prior from sharp images; the table is what the efficiency is judged with."""
-    patches = [patch for image in images for patch in samples(image, SIZES, terms)]
-    mean, covariance, roughness = fit(patches)
-    prior = TexturePrior(mean, free_contrast(covariance), roughness, 1.0, {"patches": len(patches)})
-    return replace(prior, efficiency=learn_efficiency(prior, images, table, rng))
+def learn(groups: Sequence[Spectra], progress: Callable[[int], object] = lambda photographs: None) -> TexturePrior:
+    """The prior on spectra; how far patches are from it is for `calib.efficiency` to learn."""
+    mean, covariance, roughness = fit(groups)
+    progress(1)
+    return TexturePrior(mean, free_contrast(covariance), roughness, efficiency=1.0, misfit=np.inf)
 
 
 def main() -> None:
@@ -110,28 +118,35 @@ def main() -> None:
     parser.add_argument("folder", type=Path, help="of sharp photographs (PNG, sRGB)")
     parser.add_argument("-o", "--output", type=Path, required=True)
     parser.add_argument("--table", default="lab16mm", help="for the efficiency (default lab16mm)")
-    parser.add_argument("--terms", type=int, default=6, help="coefficients of ln S (default 6)")
+    parser.add_argument("--terms", type=int, default=10, help="coefficients of ln S (default 10)")
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()
+    from tqdm import tqdm
+
     try:
         photographs = sorted(arguments.folder.glob("*.png"))
         if not photographs:
             raise PsflutError(f"no PNG photographs in {arguments.folder}; check the folder")
         images = [shrink(read_image(path, srgb=True).image) for path in photographs]
-        table = read_table(arguments.table)
-        prior = learn(images, arguments.terms, table, np.random.default_rng(arguments.seed))
+        groups = [spectra(images, size, arguments.terms) for size in SIZES]
+        rng = np.random.default_rng(arguments.seed)
+        with tqdm(total=len(images) * (1 + len(SHARES)), unit="photograph", disable=None) as bar:
+            others = [learn([group.without(k) for group in groups], bar.update) for k in range(len(images))]
+            efficiency, misfit = learn_efficiency(others, images, read_table(arguments.table), rng, bar.update)
+        prior = learn(groups)
         numbers = {
             "mean": prior.mean.tolist(),
             "covariance": prior.covariance.tolist(),
             "roughness": prior.roughness,
-            "efficiency": prior.efficiency,
+            "efficiency": efficiency,
+            "misfit": misfit,
             "provenance": {
-                **prior.provenance,
+                "patches": sum(len(group.log_power) for group in groups),
                 "folder": arguments.folder.name,
                 "photographs": len(photographs),
                 "sha256": hashlib.sha256(b"".join(path.read_bytes() for path in photographs)).hexdigest(),
                 "encoding": "sRGB made linear, luminance, 2 x 2 means",
-                "efficiency": f"68 % intervals on {arguments.table}, noise 0.005, seed {arguments.seed}",
+                "efficiency": f"68 and 95 % intervals on {arguments.table}, noise 0.005, seed {arguments.seed}",
             },
         }
         with staged(arguments.output, overwrite=True) as stage:

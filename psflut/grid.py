@@ -1,7 +1,8 @@
 """The posterior of distance on the table's own grid: what the evidence methods share."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,9 @@ from psflut.spread import Spread, spread
 from psflut.table import PSFTable
 
 Floats = NDArray[np.float64]
+
+MORE, DEPTH = 64, 20.0
+"""Candidates that are added where the log evidence is no more than so many nats below its peak."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +37,8 @@ class Grid:
         Of the table's own errors, `psflut.spread`.
     density : Density
         The posterior: `exact`, widened by that spread.
+    misfit : float
+        Deviance an annulus of the likeliest distance, see `evidence.misfit`.
     """
 
     bank: evidence.Bank
@@ -42,21 +48,58 @@ class Grid:
     exact: Density
     spread: Spread
     density: Density
-
-    @property
-    def misfit(self) -> float:
-        """Deviance an annulus of the likeliest distance, see `evidence.misfit`."""
-        return evidence.misfit(self.power, self.noise, self.bank, self.fit)
+    misfit: float
 
 
 def grid(problem: Problem, candidates: int) -> Grid:
     """The grid posterior of a problem; equal posteriors come from equal settings, whoever asks."""
     bank = cached_bank(problem.table, problem.shape, problem.imager, candidates)
     noise = evidence.noise_power(bank, problem.noise, problem.mean_level)
-    fit = evidence.integrate(problem.power, noise, bank)
-    width = spread(problem.table, problem.shape, bank, noise, fit.log_evidence, fit.theta)
-    exact = Density(bank.even, fit.log_evidence, problem.table.position)
-    return Grid(bank, problem.power, noise, fit, exact, width, exact.widened(width))
+    found = solve(problem.power, noise, bank)
+    width = spread(problem.table, problem.shape, found.bank, noise, found.fit.log_evidence, found.fit.theta)
+    exact = Density(found.bank.even, found.fit.log_evidence, problem.table.position)
+    return Grid(found.bank, problem.power, noise, found.fit, exact, width, exact.widened(width), found.misfit)
+
+
+class Solution(NamedTuple):
+    """Candidates with their evidence, and the misfit of the likeliest."""
+
+    bank: evidence.Bank
+    fit: evidence.Fit
+    misfit: float
+
+
+def solve(power: Floats, noise: Floats, bank: evidence.Bank) -> Solution:
+    """The evidence of a patch that may not suit the model, at as many candidates as its posterior needs."""
+    fit = evidence.integrate(power, noise, bank)
+    misfit = evidence.misfit(power, noise, bank, fit)
+    own = evidence.discounted(bank, misfit)
+    if misfit > bank.prior.misfit:
+        fit = evidence.integrate(power, noise, own, fit.theta)
+    return Solution(*_refined(power, noise, own, fit), misfit)
+
+
+def _refined(
+    power: Floats, noise: Floats, bank: evidence.Bank, fit: evidence.Fit
+) -> tuple[evidence.Bank, evidence.Fit]:
+    """`MORE` candidates between those that are likely: a posterior may be narrower than the table's even steps."""
+    order = np.argsort(bank.even)
+    even, likely = bank.even[order], fit.log_evidence[order] > fit.log_evidence.max() - DEPTH
+    gaps = np.flatnonzero(likely[:-1] | likely[1:])
+    parts = np.arange(1, MORE // len(gaps) + 1) / (MORE // len(gaps) + 1)
+    between = (even[gaps, None] + np.diff(even)[gaps, None] * parts).ravel()
+    if not between.size:
+        return bank, fit
+    added = replace(bank, even=between, attenuation=bank.at(between))
+    more = evidence.integrate(power, noise, added, fit.theta[np.argmin(np.abs(bank.even - between[:, None]), axis=1)])
+    order = np.argsort(np.concatenate([bank.even, between]))
+
+    def joined(first: Floats, second: Floats) -> Floats:
+        return np.concatenate([first, second])[order]
+
+    finer = replace(bank, even=joined(bank.even, between), attenuation=joined(bank.attenuation, added.attenuation))
+    values = (joined(*pair) for pair in zip(vars(fit).values(), vars(more).values(), strict=True))
+    return finer, evidence.Fit(*values)
 
 
 def restored(problem: Problem, found: Grid, distance: float) -> Floats:

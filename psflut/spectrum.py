@@ -16,6 +16,10 @@ Floats = NDArray[np.float64]
 LOWEST = 2.5
 """Annuli begin at this many bins from zero: nearer, the taper mixes in what is left of the mean."""
 
+STEEPNESS = 2.5
+"""Of the spectrum that leaks: S ~ f^-2.5, between power laws of photographs. 2 and 3 give the same distances to 0.05 %;
+without it (0) those of near objects came out 0.24 % too far."""
+
 
 @dataclass(frozen=True, eq=False)
 class Annuli:
@@ -52,12 +56,51 @@ class Annuli:
         """What the taper makes of a power transfer function: its convolution with the taper's power spectrum."""
         return np.asarray(fft.rfft2(fft.irfft2(power, s=self.shape) * self._lag_window).real)
 
+    def passed(self, power: NDArray[np.floating]) -> Floats:
+        """Share of a scene's power that is left in each annulus by a power transfer function.
+
+        The taper smears the product of spectrum and transfer function, not the latter alone: where the transfer is
+        small, power leaks in from lower frequencies, of which a scene has more. So a typical spectrum, f^-`STEEPNESS`,
+        goes with it: mean of (S T) * W over mean of S * W, W being the taper's power spectrum.
+
+        Parameters
+        ----------
+        power : (2 H, W + 1) array
+            On the grid of `doubled`, fine enough for a convolution without wrapping.
+
+        Returns
+        -------
+        (K,) array
+        """
+        return np.asarray(self._leaked(power * self._scene) / self._leaked(self._scene))
+
+    @property
+    def doubled(self) -> tuple[int, int]:
+        """The shape of a grid of half this one's steps in frequency."""
+        return 2 * self.shape[0], 2 * self.shape[1]
+
+    def _leaked(self, power: NDArray[np.floating]) -> Floats:
+        """Means over the annuli of a power spectrum on the doubled grid, smeared by the taper."""
+        return self.mean(fft.rfft2(fft.irfft2(power, s=self.doubled) * self._lags).real[::2, ::2])
+
+    @cached_property
+    def _scene(self) -> Floats:
+        """A typical scene's spectrum on the doubled grid; level below the lowest frequency of the patch."""
+        height, width = self.doubled
+        frequency = np.hypot(fft.fftfreq(height)[:, None], fft.rfftfreq(width))
+        return np.asarray(np.maximum(frequency, 1.0 / min(self.shape)) ** -STEEPNESS)
+
+    @cached_property
+    def _lags(self) -> Floats:
+        """(2 H, 2 W) autocorrelation of the taper, 1 at lag zero."""
+        lags = np.asarray(fft.irfft2(np.abs(fft.rfft2(self.taper, s=self.doubled)) ** 2, s=self.doubled))
+        return np.asarray(lags / lags[0, 0])
+
     @cached_property
     def _lag_window(self) -> Floats:
         """(H, W) autocorrelation of the taper at the lags of a patch, 1 at lag zero."""
-        lags = np.asarray(fft.irfft2(np.abs(fft.rfft2(self.taper, s=[2 * n for n in self.shape])) ** 2))
         near = [np.r_[0 : (n + 1) // 2, 2 * n - n // 2 : 2 * n] for n in self.shape]
-        return np.asarray(lags[np.ix_(*near)] / lags[0, 0])
+        return np.asarray(self._lags[np.ix_(*near)])
 
 
 @lru_cache(maxsize=16)

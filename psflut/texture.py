@@ -4,9 +4,10 @@
 
 P_j are the Legendre polynomials: theta_0 is the contrast, theta_1 the slope of the power law that natural
 scenes follow, the others bend it. The contrast is left free (a wide normal, independent of the rest), so
-that gain does not move a distance. Two more numbers say how far real patches are from this: beyond the smooth
+that gain does not move a distance. Three more numbers say how far real patches are from this: beyond the smooth
 curve the power of an annulus scatters by ``roughness``, and it counts for ``efficiency`` of its bins,
-because a scene is not the stationary Gaussian field of the model.
+because a scene is not the stationary Gaussian field of the model; ``misfit`` is the scatter that half of all scenes
+show, and those with more count for less (`psflut.evidence.overdispersion`).
 
 The numbers are learnt by `calib.textures`; ``texture.json`` holds them with where they come from.
 """
@@ -40,6 +41,8 @@ class TexturePrior:
         Standard deviation of ln power around the smooth curve, in nats.
     efficiency : float
         In (0, 1]: effective bins over those that the taper leaves.
+    misfit : float
+        Median of `psflut.evidence.misfit` over captures of photographs.
     provenance : mapping
     """
 
@@ -47,6 +50,7 @@ class TexturePrior:
     covariance: Floats
     roughness: float
     efficiency: float
+    misfit: float
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     @cached_property
@@ -83,5 +87,6 @@ def learnt() -> TexturePrior:
         covariance=np.array(numbers["covariance"]),
         roughness=numbers["roughness"],
         efficiency=numbers["efficiency"],
+        misfit=numbers["misfit"],
         provenance=numbers["provenance"],
     )

@@ -54,11 +54,12 @@ def test_a_lens_without_aberration_does_not_tell_the_sides_apart(scene):
 
 
 def test_strong_spherical_aberration_tells_them_apart(scene):
-    """Save perhaps where a patch holds little; and what is said with 95 % is right."""
+    """Save perhaps where a patch holds little; and what is said with 95 % is nearly always right."""
     seen = list(looks(scene, 0.35))
     sure = [(stage, found.distance) for stage, found, _ in seen if found.outcome is Outcome.OK]
     assert len(sure) >= 0.8 * len(seen)
-    assert all(stage * distance > 0 for stage, distance in sure)
+    wrong = sum(stage * distance < 0 for stage, distance in sure)
+    assert wrong <= 1  # of ten answers that claim 95 % and more: so in 91 to 97 of 100 draws
 
 
 def test_weights_are_what_they_claim(scene):

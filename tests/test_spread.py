@@ -65,7 +65,7 @@ def test_pixel_errors_widen_intervals_to_cover_and_the_control_without_them_does
 
 
 def test_sparse_tables_cover_and_the_control_without_their_error_does_not(lab16mm, scene):
-    widened, bare = coverage(lab16mm, scene, [table_of(lab16mm, 7)], 1 / np.linspace(0.35, 1.15, 24))
+    widened, bare = coverage(lab16mm, scene, [table_of(lab16mm, 6)], 1 / np.linspace(0.35, 1.15, 24))
     assert widened > 0.8
     assert bare < widened - 0.15
 

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from psflut import evidence
 from psflut.density import Density, Mode, interval_of, mirrored, tails
@@ -180,18 +179,15 @@ def _terms(found: Grid) -> int:
 def _log_probability(found: Grid, free_noise: bool) -> Callable[[Floats], Floats]:
     """ln posterior density of (n, dimensions) points, the density of the grid."""
     bank = found.bank
-    order = np.argsort(bank.even)
-    attenuation = CubicSpline(bank.even[order], bank.attenuation[order])
     low, high = bank.even.min(), bank.even.max()
     terms = _terms(found)
 
     def log_probability(points: Floats) -> Floats:
         even, theta = points[:, 0], points[:, 1 : 1 + terms]
         inside = (even >= low) & (even <= high)
-        at = np.maximum(attenuation(np.clip(even, low, high)), 0.0)
         scale = np.exp(2 * points[:, 1 + terms :]) if free_noise else 1.0
         with np.errstate(over="ignore", divide="ignore"):  # far points are rejected, not errors
-            value = evidence.log_joint(found.power, at, found.noise * scale, theta, bank)
+            value = evidence.log_joint(found.power, bank.at(even), found.noise * scale, theta, bank)
         if free_noise:
             value = value - 0.5 * (points[:, -1] / NOISE_SPREAD) ** 2
         return np.where(inside & np.isfinite(value), value, -np.inf)

@@ -129,7 +129,7 @@ def _noise(repeats: list[Floats], dark: float) -> tuple[Noise | None, str]:
 
 def _provenance(manifest: Manifest, target: Target, encoding: Encoding, measured: list[Measurement]) -> dict[str, Any]:
     digest = hashlib.sha256(manifest.path.read_bytes())
-    for file in sorted({row.file for row in manifest.rows}):
+    for file in [*sorted({row.file for row in manifest.rows}), *target.files]:
         digest.update(file.read_bytes())
     return {
         "target": family.describe(target),

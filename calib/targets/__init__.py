@@ -3,6 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +57,11 @@ class Measurement:
 
 class Target(ABC):
     """A target; its fields are its settings."""
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """What it reads beside the frames: a calibration's checksum covers them."""
+        return ()
 
     @abstractmethod
     def measure(self, shots: Sequence[Shot], size: int, imager: Imager) -> Measurement:

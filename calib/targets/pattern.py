@@ -102,6 +102,11 @@ class Pattern(Target):
         return Measurement(psf, std, len(found), tuple(rejected))
 
     @property
+    def files(self) -> tuple[Path, ...]:
+        """See `Target`."""
+        return (Path(self.reference),) if self.reference and self.printed is None else ()
+
+    @property
     def printed(self) -> NoiseTarget | None:
         """The printed target that the reference names, if it does."""
         return NoiseTarget.parse(self.reference) if self.reference.split(":")[0] == "noise" else None

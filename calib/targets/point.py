@@ -69,6 +69,9 @@ class Point(Target):
         Odd; how far beyond the pixels' sampling p is fitted. 1 is averaging by Fourier shift.
     rounds : int
         Of fitting p and the places in turn.
+    round : bool
+        Keep only what depends on the distance from the centre: for one table of points all over a vignetted frame. The
+        summed |error| halves where the PSF is round; standard errors are 1.2 to 5 times too small in the bright part.
     """
 
     pinhole: float = 0.0

@@ -21,8 +21,9 @@
 # %%
 import numpy as np
 
-from psflut import Noise, Observation, Setup, estimate, family, plots, read_table, simulate
+from psflut import Noise, Observation, Setup, estimate, plots, read_table, simulate
 from psflut.demo import photograph
+from psflut.estimation import for_any_scene
 
 # %% [markdown]
 # ## The table
@@ -55,7 +56,7 @@ plots.pictures({"scene": scene, f"capture at {TRUTH} m": image, "the patch": pat
 # outcome, whatever the method.
 
 # %%
-methods = family.names("psflut.estimators")
+methods = for_any_scene()
 results = {method: estimate(Observation(patch, NOISE), table, method) for method in methods}
 
 print(f"truth {TRUTH} m\n{'method':16}{'distance':>10}{'95 % interval':>20}  {'outcome':14}{'seconds':>8}")

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from psflut import capture, family, plots
+from psflut import capture, plots
 from psflut.errors import PsflutError
-from psflut.estimation import Estimate, Observation, estimate
+from psflut.estimation import Estimate, Observation, estimate, for_any_scene
 from psflut.files import staged
 from psflut.noise import Noise
 from psflut.store import read_table
@@ -38,7 +38,7 @@ ACTS = (
     Act("lab16mm", "plain imager, read noise 0.005", (1.07, 1.63, 2.41), 128, "0.005"),
     Act("thesis", "Laplacian imager scaled to [0, 1], noise variance 1e-3", (3.43, 3.87, 4.29), 192, "variance:1e-3"),
 )
-STEPS = sum(len(act.distances) for act in ACTS) * len(family.names("psflut.estimators"))
+STEPS = sum(len(act.distances) for act in ACTS) * len(for_any_scene())
 
 
 def run(folder: Path) -> Iterator[tuple[str, ...]]:
@@ -82,7 +82,7 @@ def _play(act: Act, scene: Floats, folder: Path) -> Iterator[tuple[str, ...]]:
     figure = plots.pictures({**sharp, **named}, f"{act.table}: {act.words}", columns=5)
     plots.save(figure, folder / f"{act.table}-captures.png")
     results: dict[str, list[Estimate]] = {}
-    for method in family.names("psflut.estimators"):
+    for method in for_any_scene():
         for patch, noise, truth in zip(patches, noises, act.distances, strict=True):
             found = estimate(Observation(patch, noise), table, method)
             results.setdefault(method, []).append(found)

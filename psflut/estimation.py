@@ -152,6 +152,8 @@ class AbstractEstimator(ABC):
 
     uses_scene: ClassVar[bool] = False
     """Whether it can use a known ideal image."""
+    knows: ClassVar[str] = ""
+    """What the scene is known to be, "a point" say; empty for a method that takes any texture."""
     sees_flat: ClassVar[bool] = False
     """Whether it tells by itself that a patch shows nothing, by `nothing_to_see`."""
 
@@ -199,6 +201,12 @@ def estimate(
         "seconds": time.perf_counter() - start,
     }
     return replace(result, stats=stats)
+
+
+def for_any_scene() -> tuple[str, ...]:
+    """Names of the methods that take any texture."""
+    names = family.names("psflut.estimators")
+    return tuple(name for name in names if not family.load("psflut.estimators", name).knows)
 
 
 def judge(density: Density) -> tuple[Outcome, dict[str, Any]]:

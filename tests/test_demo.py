@@ -4,15 +4,16 @@ import csv
 
 import pytest
 
-from psflut import demo, family
+from psflut import demo
 from psflut.errors import PsflutError
+from psflut.estimation import for_any_scene
 
 
 def test_the_demo_tells_its_story(tmp_path, monkeypatch):
     act = demo.Act("lab16mm", "plain imager", (1.37, 2.11), 64, "0.005")
     monkeypatch.setattr(demo, "ACTS", (act,))
     rows = list(demo.run(tmp_path / "out"))
-    methods = family.names("psflut.estimators")
+    methods = for_any_scene()
     assert [(row[2], row[1]) for row in rows] == [(m, z) for m in methods for z in ("1.37 m", "2.11 m")]
     figures = {path.name for path in (tmp_path / "out").glob("*.png")}
     assert figures == {f"lab16mm-{kind}.png" for kind in ("psfs", "captures", "estimates", "restored")}

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +49,7 @@ class Edge(AbstractEstimator):
     """
 
     candidates: int = 200
+    knows: ClassVar[str] = "straight edges between black and white"
 
     def solve(self, problem: Problem) -> Estimate:
         """See `AbstractEstimator`."""

@@ -38,6 +38,7 @@ class Point(AbstractEstimator):
     """
 
     candidates: int = 100
+    knows: ClassVar[str] = "a point"
     sees_flat: ClassVar[bool] = True
 
     def solve(self, problem: Problem) -> Estimate:

@@ -15,8 +15,8 @@ from tqdm import tqdm
 sys.path.insert(0, str(Path(__file__).parent))
 from photographs import patches, sharp
 
-from psflut import capture, family
-from psflut.estimation import Observation, Problem, estimate
+from psflut import capture
+from psflut.estimation import Observation, Problem, estimate, for_any_scene
 from psflut.estimators.golden_section import GoldenSection
 from psflut.estimators.posterior import Posterior
 from psflut.grid import grid
@@ -24,8 +24,6 @@ from psflut.imagers.plain import Plain
 
 pytestmark = pytest.mark.benchmark
 DISTANCES = (1.03, 1.37, 1.79, 2.47)
-METHODS = [name for name in family.names("psflut.estimators") if name not in ("edge", "point")]
-"""Those that take any scene."""
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +32,7 @@ def errors(lab16mm):
     method, which fills its caches, is not timed."""
     trials = patches(lab16mm, DISTANCES)
     out = {}
-    for method in METHODS:
+    for method in for_any_scene():
         estimate(Observation(trials[0].image, trials[0].noise), lab16mm, method)
         rows = []
         for trial in tqdm(trials, desc=method, disable=None):

@@ -1,9 +1,10 @@
 """How near a point's distance comes on real frames: particles under a microscope, its stage moved through focus.
 
-    python -m pytest -m benchmark tests/benchmarks/test_bead_stack.py -s
+    python -m pytest -m benchmark -n 0 tests/benchmarks/test_bead_stack.py -s
 
 Tables are measured from `planes.tif` without the planes at the repeats' own stops, whose stage error is common to both;
-then every well-separated particle of `repeats.tif` is read, outside +-5 um of focus. Data: sean-mackenzie/idpt, MIT.
+then every well-separated particle of `repeats.tif` is read, outside +-5 um of focus. All settings were chosen on
+`planes.tif`, a fifth of its planes read with tables of the others. Data: sean-mackenzie/idpt, MIT.
 """
 
 import contextlib
@@ -20,22 +21,29 @@ from psflut.errors import PsflutError
 from psflut.estimation import Observation, estimate
 from psflut.imagers.plain import Plain
 from psflut.noise import Noise
+from psflut.table import PSFTable
 
 FOLDER = Path(__file__).parents[2].parent / "shared" / "data" / "bead_stack"
 pytestmark = [
     pytest.mark.benchmark,
     pytest.mark.skipif(not FOLDER.is_dir(), reason=f"the bead stack is not at {FOLDER}"),
 ]
-SIZE, PATCH, APART, FOCUS = 33, 41, 36, 50
+SIZE, PATCH, BORDER, FOCUS, PITCH = 33, 41, 25, 50, 1.6e-6
+APART = 38.5
+"""Half the window in which a particle is measured, 21 pixels, and the radius of a neighbour's largest blur, 17.5."""
 SCALE = 65535
 NOISE = Noise(np.sqrt(14.8) / SCALE, gain=SCALE / 0.115, offset=100 / SCALE)
 STOPS = np.arange(5, 106, 5)
+FAR = np.abs(STOPS - FOCUS) > 5
 PLANES = [k for k in range(1, 107) if k % 5]
+MEAN = Point(oversampling=1, rounds=5)
+"""A few particles that differ in shape are averaged better than resolved beyond their pixels: held out on the planes,
+2 % of the answers are on the wrong side of focus instead of 15, and the rest within 0.63 um instead of 0.77."""
 
 
 @pytest.fixture(scope="module")
 def stack():
-    """Calibration planes, repeats, and the places of particles with no other within `APART` pixels."""
+    """Calibration planes, repeats, and the places of particles whose window no other particle's light reaches."""
     import tifffile
 
     planes, repeats = (tifffile.imread(FOLDER / f"{name}.tif") / SCALE for name in ("planes", "repeats"))
@@ -44,8 +52,15 @@ def stack():
     sigma = 1.4826 * np.median(np.abs(smooth - np.median(smooth)))
     places = np.argwhere((smooth == ndimage.maximum_filter(smooth, 5)) & (smooth > 20 * sigma))
     away = np.hypot(*(places[:, None] - places).transpose(2, 0, 1)) + 1e9 * np.eye(len(places))
-    inside = np.all((places >= 22) & (places < 512 - 22), axis=1)
+    inside = np.all((places >= BORDER) & (places < 512 - BORDER), axis=1)
     return planes, repeats, places[(away.min(axis=1) > APART) & inside & (smooth[tuple(places.T)] > 300 / SCALE)]
+
+
+@pytest.fixture(scope="module")
+def own(stack):
+    """A table a particle: its height, its vignetting and its own shape are in it."""
+    planes, _, places = stack
+    return [table(planes, [c], Point(oversampling=1, rounds=3)) for c in places]
 
 
 def table(planes, places, target):
@@ -56,64 +71,83 @@ def table(planes, places, target):
         with contextlib.suppress(PsflutError):
             measured[k * 1e-6] = target.measure(frame, SIZE, Plain())
     assert len(measured) > 0.9 * len(PLANES)
-    return table_of(np.array(list(measured)), "stage", list(measured.values()), 1.6e-6)
+    return table_of(np.array(list(measured)), "stage", list(measured.values()), PITCH)
 
 
-def errors(lut, frames, stops, places):
+def mixed(tables, weights):
+    """For every row of weights (particles, tables) the table with that mixture of PSFs."""
+    axis = np.array(PLANES) * 1e-6
+    parts = np.array([each.at(np.clip(axis, *each.span)) for each in tables])
+    mixtures = np.maximum(np.einsum("bc,czij->bzij", weights, parts), 0)
+    return [PSFTable(axis, psf / psf.sum(axis=(1, 2), keepdims=True), PITCH, kind="stage") for psf in mixtures]
+
+
+def errors(tables, frames, stops, places):
     """(stops, particles) in micrometres."""
     half = PATCH // 2
     found = [
         [
             estimate(Observation(f[y - half : y + half + 1, x - half : x + half + 1], NOISE), lut, "point")
-            for y, x in places
+            for f in frames
         ]
-        for f in frames
+        for lut, (y, x) in zip(tables, places, strict=True)
     ]
-    return 1e6 * np.array([[each.distance for each in row] for row in found]) - np.array(stops)[:, None]
+    return 1e6 * np.array([[each.distance for each in row] for row in found]).T - np.array(stops)[:, None]
 
 
 def rms(values):
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def test_one_table_a_particle(stack):
-    """What a calibration a particle gives: its height, its vignetting and its own shape are in its table.
-
-    The bar of 0.75 um holds within 40 um of focus; beyond, neighbours reach into the window of some particles.
-    """
-    planes, repeats, places = stack
-    found = np.concatenate(
-        [errors(table(planes, [c], Point(oversampling=1, rounds=3)), repeats, STOPS, [c]) for c in places], 1
+def told(name, found):
+    """RMSE of all answers, share of them within 5 um, the rest being on the wrong side of focus, and RMSE of those."""
+    far = found[FAR]
+    right = np.abs(far) < 5
+    print(
+        f"\n{name} ({len(far.T)} particles): RMSE {rms(far):.2f} um, median {np.median(np.abs(far)):.2f} um;", end=" "
     )
-    away = found[np.abs(STOPS - FOCUS) > 5]
-    print(f"\none table a particle ({len(places)}): RMSE {rms(away):.3f} um, median {np.median(np.abs(away)):.3f} um")
+    print(f"{np.sum(~right)} of {right.size} beyond 5 um, the others {rms(far[right]):.2f} um")
     print("  RMSE by stop:", *(f"{stop}: {rms(row):.2f}" for stop, row in zip(STOPS, found, strict=True)))
-    near = (np.abs(STOPS - FOCUS) > 5) & (np.abs(STOPS - FOCUS) <= 40)
-    print(f"  within 40 um of focus {rms(found[near]):.3f} um")
-    assert rms(found[near]) < 0.75
-    assert rms(away) < 1.0
+    return rms(far), float(right.mean()), rms(far[right])
 
 
 def test_one_shared_table(stack):
-    """The bar of 1.0 um is missed; what is held is said below, on the right side of focus and with it in general.
+    """What one table for the whole field gives, and an offset a particle: its height, learnt by reading planes.
 
-    A particle's height and the field's tilt are learnt by reading planes, never repeats.
+    The bar of 1.0 um over all answers is missed: at 40 um some particles look as the mean one does at 60. Not helped,
+    held out on planes 36 to 44: a table of round PSFs, the median particle, particles moved to one height before their
+    mean, and model errors of the size of their scatter, of 5 or 10 % of the light, or of its slope.
     """
     planes, repeats, places = stack
-    shared = table(planes, places, Point(round=True, rounds=8))
+    shared = [table(planes, places, MEAN)] * len(places)
     found = errors(shared, repeats, STOPS, places)
     some = [k for k in PLANES if k % 10 == 2 and abs(k - FOCUS) > 5]
-    own = np.median(errors(shared, planes[np.array(some) - 1], some, places), axis=0)
+    height = np.median(errors(shared, planes[np.array(some) - 1], some, places), axis=0)
+    _, right, near = told("one shared table", found)
+    assert right > 0.95
+    assert near < 1.0
+    assert told("one shared table and an offset a particle", found - height)[2] < 0.75
+
+
+def test_a_table_corrected_for_place_and_particle(stack, own):
+    """PSFs that change linearly over the field; and half-way between those and the particle's own: the bar holds.
+
+    Of the planes, held out, weights 0, 0.5, 0.8 and 1 of a particle's own PSF gave 4.8, 0.50, 0.56 and 0.59 um.
+    """
+    _, repeats, places = stack
     y, x = (places.T - 256) / 256
-    basis = np.stack([np.ones_like(x), y, x, y**2, x**2, x * y], axis=1)
-    field = basis @ np.linalg.lstsq(basis, own)[0]
-    far = np.abs(STOPS - FOCUS) > 5
-    right = np.abs(found[far]) < 5
-    for name, offset in (("one shared table", 0 * own), ("and an offset a particle", own), ("and one a place", field)):
-        left = (found - offset)[far]
-        print(
-            f"{name}: RMSE {rms(left):.2f} um; {right.mean():.1%} on the right side of focus, {rms(left[right]):.3f} um"
-        )
-    assert right.mean() > 0.93
-    assert rms(found[far][right]) < 1.15
-    assert rms((found - own)[far][right]) < 0.85
+    basis = np.stack([np.ones_like(x), y, x], axis=1)
+    linear = basis @ np.linalg.pinv(basis)
+    _, right, near = told("a table a place", errors(mixed(own, linear), repeats, STOPS, places))
+    assert right > 0.95
+    assert near < 0.75
+    half = 0.5 * (linear + np.eye(len(places)))
+    assert told("half-way to the particle's own", errors(mixed(own, half), repeats, STOPS, places))[0] < 0.75
+
+
+def test_one_table_a_particle(stack, own):
+    """Its noise is larger: at the ends of the stack, where blur is largest, the two sides are confused twice."""
+    _, repeats, places = stack
+    _, right, near = told("one table a particle", errors(own, repeats, STOPS, places))
+    assert right > 0.95
+    assert near < 0.75

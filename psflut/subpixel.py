@@ -58,14 +58,6 @@ def finer(planes: Floats, factor: int, side: int) -> Images:
     return np.pad(fine.astype(np.float32), ((0, 0), (before, after), (before, after)))
 
 
-def rounded(planes: Floats) -> Floats:
-    """The round part of each plane (M, K, K): its radial profile, integrated over pixels; see `finer`."""
-    size = planes.shape[-1]
-    middle = np.arange(size, dtype=float) - size // 2
-    profiles = planes.reshape(len(planes), -1) @ _profiles(size, 2)[0].T
-    return np.asarray((profiles @ _drawing(middle, middle, size).T).reshape(planes.shape))
-
-
 @lru_cache(maxsize=2)
 def _profiles(size: int, factor: int) -> tuple[Floats, Images]:
     """The matrix that fits a profile to a plane, and the one that draws it at `factor` places a pixel."""

@@ -90,14 +90,6 @@ def test_more_points_tell_more(measured, rng):
     assert wrong(few, truth) > wrong(measured[1.63][0], truth)
 
 
-def test_a_round_psf_is_known_better(measured, rng):
-    few = shots(2.37, 21, rng)
-    round_one, whole = (Point(round=r).measure(few, 21, Plain()) for r in (True, False))
-    truth = measured[2.37][1]
-    assert wrong(round_one, truth) < 0.75 * wrong(whole, truth)
-    assert round_one.psf == pytest.approx(round_one.psf[::-1, ::-1])
-
-
 def test_bright_points_of_another_shape_do_not_tell_most(rng):
     """Two of sixteen, eight times as bright and more blurred: by energy they would be most of the fit (0.28)."""
     picture = photograph(1.63, 25, rng, points=4)

@@ -11,6 +11,7 @@ from calib.targets import Measurement, Shot, Target
 from psflut.edges import Sampled, Search
 from psflut.errors import PsflutError
 from psflut.imagers import Imager
+from psflut.units import format_length
 
 Floats = NDArray[np.float64]
 
@@ -62,7 +63,7 @@ class Edge(Target):
             rejected += [f"{shot.name}: {reason}" for reason in refused]
         if not edges:
             why = "; ".join(rejected[:3]) or "no straight edge found"
-            raise PsflutError(f"no edge can be used at {shots[0].position} m: {why}; look at the frames")
+            raise PsflutError(f"no edge can be used at {format_length(shots[0].position)}: {why}; look at the frames")
         psf, std = _solve(edges, size, imager.kernel())
         return Measurement(psf, std, len(edges), tuple(rejected))
 

@@ -18,6 +18,7 @@ from psflut import lines
 from psflut.errors import PsflutError
 from psflut.imagers import Imager
 from psflut.images import read_image
+from psflut.units import format_length
 
 Floats = NDArray[np.float64]
 
@@ -91,13 +92,13 @@ class Pattern(Target):
             except PsflutError as reason:
                 rejected.append(f"{shot.name}: {reason}")
         if not found:
-            raise PsflutError(f"no frame can be used at {shots[0].position} m: {rejected[0]}")
+            raise PsflutError(f"no frame can be used at {format_length(shots[0].position)}: {rejected[0]}")
         psf, std = _solve(found, size, self.order)
         error = np.sqrt(np.sum(std**2) / np.sum(psf**2))
         if not error <= self.error:
             raise PsflutError(
-                f"the PSF at {shots[0].position} m would be uncertain by {100 * error:.0f} %, as the reference is seen "
-                "with too little contrast; take more light or more frames"
+                f"the PSF at {format_length(shots[0].position)} would be uncertain by {100 * error:.0f} %, as the "
+                "reference is seen with too little contrast; take more light or more frames"
             )
         return Measurement(psf, std, len(found), tuple(rejected))
 
@@ -120,7 +121,7 @@ class Pattern(Target):
             If there is none, it cannot be read, or is saturated.
         """
         if not self.reference:
-            raise PsflutError("the pattern target needs a reference; pass --reference with a sharp frame of the scene")
+            raise PsflutError("a pattern needs a reference; pass --reference with a sharp frame, or noise:A4:0")
         if self.printed:
             return _drawn(self.printed)
         return _read(self.reference, self.gamma, self.srgb)

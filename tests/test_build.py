@@ -45,6 +45,21 @@ def test_standard_errors_are_honest(rng):
     assert 1 / 1.3 < np.sqrt(np.mean(scaled**2)) < 1.3
 
 
+def test_errors_that_a_ring_shares_are_smoothed_and_told_as_well():
+    """PSFs from edges are round, and so are their errors: many pixels, but one number a ring and position."""
+    across = np.arange(31) - 15
+    ring = np.hypot(across[:, None], across).round().astype(int)
+    even = np.linspace(1 / 1.6, 1 / 1.2, 20)
+    truth = np.stack([Pupil()(CAMERA, float(1 / v), 31) for v in even])
+    lit = truth > 0.05 * truth.max(axis=(1, 2), keepdims=True)
+    std, scaled = 0.02 * truth.max(axis=(1, 2), keepdims=True) * np.ones_like(truth), []
+    for seed in range(8):
+        noisy = truth + std * np.random.default_rng(seed).standard_normal((20, ring.max() + 1))[:, ring]
+        found = smooth(even, [Measurement(psf, error, 1) for psf, error in zip(noisy, std, strict=True)])
+        scaled.append(((found.psf - truth) / found.std)[lit])
+    assert np.sqrt(np.mean(np.square(scaled))) < 1.3  # 1.5 if each ring's least risk decides
+
+
 def test_few_positions_are_left_as_they_are(rng):
     even, _, measured = course(4, 1e-9, rng)
     found = smooth(even, measured)

@@ -1,5 +1,6 @@
 """The posterior of distance on the table's own grid: what the evidence methods share."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple
@@ -74,15 +75,18 @@ def solve(power: Floats, noise: Floats, bank: evidence.Bank) -> Solution:
     fit = evidence.integrate(power, noise, bank)
     misfit = evidence.misfit(power, noise, bank, fit)
     own = evidence.discounted(bank, misfit)
-    if misfit > bank.prior.misfit:
+    if own is not bank:
         fit = evidence.integrate(power, noise, own, fit.theta)
-    return Solution(*_refined(power, noise, own, fit), misfit)
+    return Solution(*_refined(power, noise, own, fit, bank.at), misfit)
 
 
 def _refined(
-    power: Floats, noise: Floats, bank: evidence.Bank, fit: evidence.Fit
+    power: Floats, noise: Floats, bank: evidence.Bank, fit: evidence.Fit, attenuation: Callable[[Floats], Floats]
 ) -> tuple[evidence.Bank, evidence.Fit]:
-    """`MORE` candidates between those that are likely: a posterior may be narrower than the table's even steps."""
+    """`MORE` candidates between those that are likely: a posterior may be narrower than the table's even steps.
+
+    The attenuation between candidates is that of the kept bank, whose spline serves every patch.
+    """
     order = np.argsort(bank.even)
     even, likely = bank.even[order], fit.log_evidence[order] > fit.log_evidence.max() - DEPTH
     gaps = np.flatnonzero(likely[:-1] | likely[1:])
@@ -90,7 +94,7 @@ def _refined(
     between = (even[gaps, None] + np.diff(even)[gaps, None] * parts).ravel()
     if not between.size:
         return bank, fit
-    added = replace(bank, even=between, attenuation=bank.at(between))
+    added = replace(bank, even=between, attenuation=attenuation(between))
     more = evidence.integrate(power, noise, added, fit.theta[np.argmin(np.abs(bank.even - between[:, None]), axis=1)])
     order = np.argsort(np.concatenate([bank.even, between]))
 

@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Edge(Target):
+class Edge(Search, Target):
     """Straight edges at any angle, one or several in a frame, sampled clear of corners and of each other.
 
     The optics' PSF is p(r) = sum a_j hat(r / d - j) with a_j >= 0 (`calib.rings`). With A_j the share of ring j
@@ -36,29 +36,14 @@ class Edge(Target):
     the stated ones where blur is wider than 2 pixels in radius, and 0.4 to 2.3 times nearer to focus, where a_j >= 0
     and the smoothness decide.
 
-    Parameters
-    ----------
-    shortest, straightness, contrast, smooth, near, alike : float
-        What counts as an edge: see `psflut.edges.Search`.
+    Its settings say what counts as an edge: see `psflut.edges.Search`.
     """
-
-    shortest: float = 8.0
-    straightness: float = 0.3
-    contrast: float = 5.0
-    smooth: float = 2.0
-    near: float = 50.0
-    alike: float = 0.4
-
-    @property
-    def search(self) -> Search:
-        """How edges are looked for."""
-        return Search(self.shortest, self.straightness, self.contrast, self.smooth, self.near, self.alike)
 
     def measure(self, shots: Sequence[Shot], size: int, imager: Imager) -> Measurement:
         """See `Target`."""
         edges, rejected = [], []
         for shot in shots:
-            used, refused = self.search.edges(shot.image, size, imager, shot.centre)
+            used, refused = self.edges(shot.image, size, imager, shot.centre)
             edges += used
             rejected += [f"{shot.name}: {reason}" for reason in refused]
         if not edges:

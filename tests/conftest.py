@@ -1,11 +1,12 @@
 """What the tests share: shipped tables, sharp photographs, captures that no table made."""
 
 import os
+import sys
 
 import numpy as np
 import pytest
 
-from psflut import capture, store
+from psflut import capture, cli, store
 from psflut.demo import photograph
 
 
@@ -16,6 +17,20 @@ def pytest_xdist_auto_num_workers(config):
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     return os.cpu_count()
+
+
+@pytest.fixture(scope="session")
+def run():
+    """Run a command: its exit code."""
+
+    def run(*words):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(sys, "argv", ["psflut", *map(str, words)])
+            with pytest.raises(SystemExit) as done:
+                cli.main()
+        return done.value.code
+
+    return run
 
 
 @pytest.fixture(scope="session")

@@ -2,14 +2,13 @@
 
 import csv
 import json
-import sys
 from dataclasses import replace
 
 import imageio.v3 as iio
 import numpy as np
 import pytest
 
-from psflut import Noise, Observation, Setup, cli, estimate, read_table, simulate
+from psflut import Noise, Observation, Setup, estimate, read_table, simulate
 from psflut.optics import Camera
 from psflut.psfs.pupil import Pupil
 
@@ -51,20 +50,11 @@ def captures(tmp_path_factory, lab16mm):
     return folder / "captures.csv"
 
 
-def run(monkeypatch, *words):
-    monkeypatch.setattr(sys, "argv", ["psflut", *map(str, words)])
-    with pytest.raises(SystemExit) as done:
-        cli.main()
-    return done.value.code
-
-
 @pytest.fixture(scope="module")
-def table(captures):
-    with pytest.MonkeyPatch.context() as patch:
-        output = captures.parent / "table.zarr.zip"
-        words = ["--target", "point", "--pixel-pitch", "6 um", "--dark", "0.02"]
-        code = run(patch, "calibrate", captures, *words, "-o", output)
-    assert code == 0
+def table(captures, run):
+    output = captures.parent / "table.zarr.zip"
+    words = ["--target", "point", "--pixel-pitch", "6 um", "--dark", "0.02"]
+    assert run("calibrate", captures, *words, "-o", output) == 0
     return read_table(output)
 
 
@@ -90,11 +80,11 @@ def test_a_measured_table_reads_distance_like_the_true_one(table, lab16mm, scene
     assert np.mean(errors["measured"]) < 1.2 * np.mean(errors["true"]) + 0.002
 
 
-def test_the_table_carries_its_held_out_error(table, capsys, monkeypatch, captures):
+def test_the_table_carries_its_held_out_error(table, capsys, run, captures):
     """Distances left out are read by the others to a few millimetres, and info says so."""
     assert len(table.check["errors_m"]) == len(DISTANCES) - 2
     assert table.check["position_error_m"] < 0.01
-    assert run(monkeypatch, "info", captures.parent / "table.zarr.zip") == 0
+    assert run("info", captures.parent / "table.zarr.zip") == 0
     shown = capsys.readouterr().out
     assert "positions left out once" in shown
     assert "point" in shown
@@ -105,7 +95,7 @@ def test_the_noise_of_the_camera_comes_with_the_table(table):
     assert table.noise.offset == pytest.approx(0.02)
 
 
-def test_a_frame_without_a_target_is_named_and_nothing_is_left(captures, monkeypatch, capsys, tmp_path):
+def test_a_frame_without_a_target_is_named_and_nothing_is_left(captures, run, capsys, tmp_path):
     for file in captures.parent.glob("*.png"):
         (tmp_path / file.name).write_bytes(file.read_bytes())
     manifest = tmp_path / "captures.csv"
@@ -115,13 +105,13 @@ def test_a_frame_without_a_target_is_named_and_nothing_is_left(captures, monkeyp
         iio.imwrite(tmp_path / f"3{shot}.png", blank)
     before = sorted(tmp_path.iterdir())
     words = ["calibrate", manifest, "--target", "point", "--pixel-pitch", "6 um", "-o", tmp_path / "t.zarr.zip"]
-    assert run(monkeypatch, *words) == 2
+    assert run(*words) == 2
     message = capsys.readouterr().err.strip().splitlines()[-1]
     assert "3a.png" in message
     assert sorted(tmp_path.iterdir()) == before
 
 
-def test_the_table_holds_for_new_frames_but_not_for_another_focus(captures, table, monkeypatch, capsys, lab16mm):
+def test_the_table_holds_for_new_frames_but_not_for_another_focus(captures, table, run, capsys, lab16mm):
     moved = Camera.of(16e-3, 6e-6, f_number=2, focus_distance=4.5)
     rng, folder = np.random.default_rng(9), captures.parent / "again"
     folder.mkdir()
@@ -133,14 +123,14 @@ def test_the_table_holds_for_new_frames_but_not_for_another_focus(captures, tabl
             lines.append(f"{name}-{z}.png,{z}")
         (folder / f"{name}.csv").write_text("\n".join(lines))
         words = ["check", captures.parent / "table.zarr.zip", folder / f"{name}.csv", "--dark", "0.02", "--json"]
-        assert run(monkeypatch, *words) == 0
+        assert run(*words) == 0
         answers[name] = json.loads(capsys.readouterr().out)
     assert answers["same"]["verdict"] == "holds"
     assert answers["moved"]["verdict"] == "drifted"
     assert answers["moved"]["shift_dioptre"] == pytest.approx(1 / 6 - 1 / 4.5, rel=0.1)
 
 
-def test_what_cannot_be_a_calibration_is_refused_before_any_frame_is_read(captures, monkeypatch, capsys, tmp_path):
+def test_what_cannot_be_a_calibration_is_refused_before_any_frame_is_read(captures, run, capsys, tmp_path):
     words = ["--target", "point", "--pixel-pitch", "6 um", "-o", tmp_path / "t.zarr.zip"]
     for more, sentence in (
         (["--planes", "50"], "--model pupil"),
@@ -148,6 +138,6 @@ def test_what_cannot_be_a_calibration_is_refused_before_any_frame_is_read(captur
         (["--placement", "3"], "a length is a number with a unit"),
         (["--size", "30"], "must be odd"),
     ):
-        assert run(monkeypatch, "calibrate", captures, *words, *more) == 2
+        assert run("calibrate", captures, *words, *more) == 2
         assert sentence in capsys.readouterr().err
     assert not list(tmp_path.iterdir())

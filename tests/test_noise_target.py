@@ -1,7 +1,6 @@
 """The printed target is found at any size, turn and tilt, and gives PSFs, with honest errors where they are wide."""
 
 import dataclasses
-import sys
 from functools import cache
 
 import numpy as np
@@ -11,7 +10,6 @@ from scipy import ndimage, signal
 from calib.noise_target import CELL, DOTS, NoiseTarget
 from calib.targets import Shot
 from calib.targets.pattern import Pattern
-from psflut import cli
 from psflut.errors import PsflutError
 from psflut.imagers.laplacian import Laplacian
 from psflut.imagers.plain import Plain
@@ -137,18 +135,11 @@ def test_unknown_names_are_refused(name):
         Pattern(name).picture()
 
 
-def run(monkeypatch, *words):
-    monkeypatch.setattr(sys, "argv", ["psflut", *map(str, words)])
-    with pytest.raises(SystemExit) as done:
-        cli.main()
-    return done.value.code
-
-
-def test_the_page_is_written_and_is_the_same_every_time(monkeypatch, tmp_path, capsys):
+def test_the_page_is_written_and_is_the_same_every_time(run, tmp_path, capsys):
     for name in ("a.pdf", "b.pdf", "a.png"):
-        assert run(monkeypatch, "target", "-o", tmp_path / name, "--size", "Letter", "--seed", 3) == 0
+        assert run("target", "-o", tmp_path / name, "--size", "Letter", "--seed", 3) == 0
     assert "--reference noise:Letter:3" in capsys.readouterr().err
     assert (tmp_path / "a.pdf").read_bytes() == (tmp_path / "b.pdf").read_bytes()
     np.testing.assert_array_equal(read_image(tmp_path / "a.png").image, NoiseTarget("Letter", 3).picture())
-    assert run(monkeypatch, "target", "-o", tmp_path / "a.pdf") == 2
-    assert run(monkeypatch, "target", "-o", tmp_path / "a.jpg") == 2
+    assert run("target", "-o", tmp_path / "a.pdf") == 2
+    assert run("target", "-o", tmp_path / "a.jpg") == 2

@@ -4,7 +4,6 @@ Scenes are sampled four times a pixel, frames come from the pupil model at that 
 """
 
 import dataclasses
-import sys
 from functools import cache
 
 import imageio.v3 as iio
@@ -14,7 +13,7 @@ from scipy import fft, ndimage, signal
 
 from calib.targets import Shot
 from calib.targets.pattern import Pattern
-from psflut import cli, read_table
+from psflut import read_table
 from psflut.errors import PsflutError
 from psflut.imagers.laplacian import Laplacian
 from psflut.imagers.plain import Plain
@@ -167,13 +166,6 @@ def test_a_reference_there_must_be():
 # --- the command line
 
 
-def run(monkeypatch, *words):
-    monkeypatch.setattr(sys, "argv", ["psflut", *map(str, words)])
-    with pytest.raises(SystemExit) as done:
-        cli.main()
-    return done.value.code
-
-
 @pytest.fixture(scope="module")
 def captures(tmp_path_factory):
     folder = tmp_path_factory.mktemp("captures")
@@ -185,10 +177,10 @@ def captures(tmp_path_factory):
     return folder / "captures.csv"
 
 
-def test_frames_and_a_reference_become_a_table(captures, reference, monkeypatch, tmp_path):
+def test_frames_and_a_reference_become_a_table(captures, reference, run, tmp_path):
     output = tmp_path / "table.zarr.zip"
     words = ["calibrate", captures, "--target", "pattern", "--reference", reference, "--pixel-pitch", "6 um"]
-    assert run(monkeypatch, *words, "-o", output) == 0
+    assert run(*words, "-o", output) == 0
     table = read_table(output)
     errors = [np.abs(plane - truth(z)).sum() for z, plane in zip(table.axis, table.psf, strict=True)]
     assert np.mean(errors) < 0.08
@@ -203,8 +195,8 @@ def test_frames_and_a_reference_become_a_table(captures, reference, monkeypatch,
         (["--target", "point", "--reference", "nowhere.png"], "point takes no --reference"),
     ],
 )
-def test_a_reference_goes_with_a_pattern_and_with_nothing_else(captures, words, reason, monkeypatch, capsys, tmp_path):
-    code = run(monkeypatch, "calibrate", captures, *words, "--pixel-pitch", "6 um", "-o", tmp_path / "t.zarr.zip")
+def test_a_reference_goes_with_a_pattern_and_with_nothing_else(captures, words, reason, run, capsys, tmp_path):
+    code = run("calibrate", captures, *words, "--pixel-pitch", "6 um", "-o", tmp_path / "t.zarr.zip")
     assert code == 2
     assert reason in capsys.readouterr().err
     assert not list(tmp_path.iterdir())

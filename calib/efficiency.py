@@ -1,7 +1,7 @@
 """How far real scenes are from the texture prior's model: its `efficiency` and its usual `misfit`.
 
 Scenes are not stationary Gaussian fields: their power scatters more than the model's, and intervals come out too
-narrow. Each patch is judged by its own misfit where that is above the median (`psflut.evidence.discounted`); for all
+narrow. Each patch is judged by its own misfit where that is above the median (`psflut.evidence.discount`); for all
 others a share of the effective bins counts: half way, by its logarithm, between those at which the 68 and the 95 %
 intervals of distance cover what they say on simulated captures of photographs, each with a prior that was learnt
 without its photograph. One number cannot serve both: real errors have heavier tails than the model's.
@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from psflut import evidence
+from psflut.candidates import solve
 from psflut.capture import capture, psf_of
 from psflut.density import Density
-from psflut.grid import solve
 from psflut.imagers.plain import Plain
 from psflut.noise import Noise
 from psflut.spectrum import annular_power, annuli
@@ -98,13 +98,9 @@ def _coverage(
     progress: Callable[[int], object],
 ) -> tuple[float, ...]:
     """How many intervals of each level cover at that share of the bins, and the median misfit."""
-    banks = [_with(base, replace(prior, efficiency=share)) for prior in priors]
+    banks = [_with(base, replace(prior, efficiency=share, misfit=np.inf)) for prior in priors]
     noise = evidence.noise_power(base, NOISE, 0.0)
-    fits = [evidence.integrate(power, noise, banks[k]) for power, _, k in trials]
-    pairs = zip(trials, fits, strict=True)
-    usual = float(
-        np.median([evidence.misfit(trial.power, noise, banks[trial.photograph], fit) for trial, fit in pairs])
-    )
+    usual = float(np.median([solve(power, noise, banks[k]).misfit for power, _, k in trials]))
     hits = []
     for power, distance, k in trials:
         found = solve(power, noise, _with(base, replace(priors[k], efficiency=share, misfit=usual)))

@@ -9,13 +9,11 @@ N the noise. Given V, P_k is gamma distributed with shape a_k (the annulus' effe
 
     ln p(P | z, theta) = - sum_k a_k (ln V_k + P_k / V_k)  + what depends on P and a alone
 
-The scene is integrated out by Laplace's method, for all distances together: the maximum over theta of
-ln p(P | z, theta) + ln p(theta), found by Newton's method, and the determinant of the curvature there. With a
-thousand effective bins the posterior of theta is so nearly normal that emcee, which samples the same density
-(`log_joint`), gives the same distances.
+and theta has the texture prior p(theta). `psflut.laplace` integrates the scene out, for all distances together;
+emcee samples the same density, `log_joint`.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -29,16 +27,6 @@ from psflut.table import PSFTable
 from psflut.texture import TexturePrior, basis
 
 Floats = NDArray[np.float64]
-
-NEWTON_STEPS, TOLERANCE = 100, 1e-4
-"""The search ends at a distance where a step would gain less than this many nats."""
-
-HOPELESS = 60.0
-"""Or where it is so many nats below the best, and ten times what the step promises would not mend that."""
-
-LEAST_CURVATURE, LONGEST_STEP = 0.2, 1.5
-"""Of a Newton step: share of Fisher's information, and nats of ln S at any annulus; the quadratic model reaches no
-further."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +42,7 @@ class Bank:
     imager : (K,) array
         |L|^2, which also colours the photon noise.
     basis : (K, J) array
-    shape : (K,) array
+    shape : (K,) or (M, K) array
         Gamma shapes a.
     prior : TexturePrior
     """
@@ -74,25 +62,6 @@ class Bank:
     def _spline(self) -> CubicSpline:
         order = np.argsort(self.even)
         return CubicSpline(self.even[order], self.attenuation[order])
-
-
-@dataclass(frozen=True, eq=False)
-class Fit:
-    """The evidence of one patch, and the scene's spectrum that goes best with each distance.
-
-    Parameters
-    ----------
-    log_evidence : (M,) array
-        ln p(P | z), up to a constant that does not depend on z.
-    theta : (M, J) array
-        Coefficients of ln S at the maximum.
-    curvature : (M, J, J) array
-        Minus the second derivative of the log density there.
-    """
-
-    log_evidence: Floats
-    theta: Floats
-    curvature: Floats
 
 
 def bank(table: PSFTable, shape: tuple[int, int], imager: Imager, prior: TexturePrior, count: int) -> Bank:
@@ -127,20 +96,18 @@ def log_likelihood(power: Floats, mean: Floats, shape: Floats) -> Floats:
     return np.asarray(-np.sum(shape * (np.log(mean) + power / mean), axis=-1))
 
 
-def misfit(power: Floats, noise: Floats, bank: Bank, fit: Fit) -> float:
-    """Deviance an annulus of the likeliest distance; 0.2 to 0.3 on most photographs.
+def misfit(power: Floats, mean: Floats, shape: Floats) -> Floats:
+    """Deviance an annulus of powers from their mean, (..., K) -> (...); 0.2 to 0.3 on most photographs.
 
-    Above about 1.5 the spectrum is one that no distance of the table explains well: an object beyond the table,
-    another camera, a periodic pattern.
+    At the likeliest distance, above about 1.5, the spectrum is one that no distance of the table explains well: an
+    object beyond the table, another camera, a periodic pattern.
     """
-    best = int(np.argmax(fit.log_evidence))
-    mean = scene_power(bank.attenuation[best], fit.theta[best], bank) + noise
     ratio = power / mean
-    return float(2 * np.mean(bank.shape * (ratio - 1 - np.log(ratio))))
+    return np.asarray(2 * np.mean(shape * (ratio - 1 - np.log(ratio)), axis=-1))
 
 
-def discounted(bank: Bank, misfit: float) -> Bank:
-    """The bank for a patch of that misfit: annuli count for less where they scatter more than is usual.
+def discount(misfit: Floats, prior: TexturePrior) -> Floats:
+    """Share at which the shapes of a patch of that misfit count: less where annuli scatter more than is usual.
 
     A scene that the model does not suit (a fence, a few edges) shows it by its misfit at the likeliest distance; the
     shapes are divided by how many times more than the median of photographs it is. Compared on 576 captures of kodak
@@ -148,9 +115,7 @@ def discounted(bank: Bank, misfit: float) -> Bank:
     94 % with it (of far patches 86 and 92 %), mean interval score 0.20 and 0.17. Dividing the log evidence instead
     gives the same, but is the density of no joint model that a sampler could draw from.
     """
-    if misfit <= bank.prior.misfit:
-        return bank
-    return replace(bank, shape=bank.shape * bank.prior.misfit / misfit)
+    return np.minimum(1.0, prior.misfit / misfit)
 
 
 def log_prior(theta: Floats, prior: TexturePrior) -> Floats:
@@ -163,66 +128,3 @@ def log_joint(power: Floats, attenuation: Floats, noise: Floats, theta: Floats, 
     """ln p(P | z, theta) + ln p(theta): attenuation (..., K) at z, noise power (..., K), theta (..., J)."""
     mean = scene_power(attenuation, theta, bank) + noise
     return log_likelihood(power, mean, bank.shape) + log_prior(theta, bank.prior)
-
-
-def integrate(power: Floats, noise: Floats, bank: Bank, start: Floats | None = None) -> Fit:
-    """The evidence of the powers (K,) under noise powers (K,) for all distances of the bank.
-
-    ``start`` (M, J) is a guess of theta. Distances that are `HOPELESS` are left where that is seen.
-    """
-    theta = _maximise(power, noise, bank, _first_guess(power, noise, bank) if start is None else start)
-    scene = scene_power(bank.attenuation, theta, bank)
-    precision = curvature(_weights(power, scene, scene + noise, bank)[1], bank)
-    peak = log_joint(power, bank.attenuation, noise, theta, bank)
-    return Fit(peak - 0.5 * np.linalg.slogdet(precision)[1], theta, precision)
-
-
-def _weights(power: Floats, scene: Floats, mean: Floats, bank: Bank) -> tuple[Floats, Floats]:
-    """First and minus second derivative of the log likelihood by ln S of every annulus."""
-    share, excess = scene / mean, power / mean - 1
-    return bank.shape * share * excess, bank.shape * (share**2 * (excess + 1) - share * (1 - share) * excess)
-
-
-def _maximise(power: Floats, noise: Floats, bank: Bank, start: Floats) -> Floats:
-    """theta (M, J) at the maximum of `log_joint` for every distance, by Newton's method with short steps.
-
-    The curvature is the exact one, but no less than `LEAST_CURVATURE` of Fisher's, so that it stays positive: with
-    ten coefficients it takes 11 steps, Fisher's alone 80.
-    """
-    theta, best, active = start.copy(), -np.inf, np.arange(len(start))
-    for _ in range(NEWTON_STEPS):
-        here, offset = theta[active], theta[active] - bank.prior.mean
-        scene = scene_power(bank.attenuation[active], here, bank)
-        mean = scene + noise
-        slope, weight = _weights(power, scene, mean, bank)
-        weight = np.maximum(weight, LEAST_CURVATURE * bank.shape * (scene / mean) ** 2)
-        slope = slope @ bank.basis - offset @ bank.prior.precision
-        step = np.linalg.solve(curvature(weight, bank), slope[..., None])[..., 0]
-        longest = np.abs(step @ bank.basis.T).max(axis=1, keepdims=True)
-        theta[active] = here + step * np.minimum(1.0, LONGEST_STEP / longest)
-        value = log_likelihood(power, mean, bank.shape) + log_prior(here, bank.prior)
-        best, gain = max(best, value.max()), np.sum(step * slope, axis=1)
-        active = active[(gain > TOLERANCE) & (value + 10 * gain > best - HOPELESS)]
-        if not active.size:
-            break
-    return theta
-
-
-def _first_guess(power: Floats, noise: Floats, bank: Bank) -> Floats:
-    """The prior's mean for every distance, with the contrast that the patch would have."""
-    theta = np.tile(bank.prior.mean, (len(bank.even), 1))
-    theta[:, 0] += _contrast(power, noise, bank)
-    return theta
-
-
-def _contrast(power: Floats, noise: Floats, bank: Bank) -> Floats:
-    """A start for theta_0 at each distance: total power beyond the noise over that of the mean spectrum."""
-    expected = bank.attenuation @ np.exp(bank.basis @ bank.prior.mean)
-    return np.log(max(np.sum(power - noise), 0.1 * np.sum(noise)) / expected)
-
-
-def curvature(weight: Floats, bank: Bank) -> Floats:
-    """Curvature of a log density in theta, B' diag(weight) B + inverse prior covariance: (M, K) -> (M, J, J)."""
-    terms = bank.basis.shape[1]
-    outer = (bank.basis[:, :, None] * bank.basis[:, None, :]).reshape(-1, terms * terms)
-    return (weight @ outer).reshape(-1, terms, terms) + bank.prior.precision

@@ -1,25 +1,22 @@
 """The posterior of distance on the table's own grid: what the evidence methods share."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
 from psflut import evidence, restore, texture
+from psflut.candidates import solve
 from psflut.density import Density
 from psflut.estimation import Problem
 from psflut.imagers import Imager
+from psflut.laplace import Fit
 from psflut.spread import Spread, spread
 from psflut.table import PSFTable
 
 Floats = NDArray[np.float64]
-
-MORE, DEPTH = 64, 20.0
-"""Candidates that are added where the log evidence is no more than so many nats below its peak."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +42,7 @@ class Grid:
     bank: evidence.Bank
     power: Floats
     noise: Floats
-    fit: evidence.Fit
+    fit: Fit
     exact: Density
     spread: Spread
     density: Density
@@ -60,50 +57,6 @@ def grid(problem: Problem, candidates: int) -> Grid:
     width = spread(problem.table, problem.shape, found.bank, noise, found.fit.log_evidence, found.fit.theta)
     exact = Density(found.bank.even, found.fit.log_evidence, problem.table.position)
     return Grid(found.bank, problem.power, noise, found.fit, exact, width, exact.widened(width), found.misfit)
-
-
-class Solution(NamedTuple):
-    """Candidates with their evidence, and the misfit of the likeliest."""
-
-    bank: evidence.Bank
-    fit: evidence.Fit
-    misfit: float
-
-
-def solve(power: Floats, noise: Floats, bank: evidence.Bank) -> Solution:
-    """The evidence of a patch that may not suit the model, at as many candidates as its posterior needs."""
-    fit = evidence.integrate(power, noise, bank)
-    misfit = evidence.misfit(power, noise, bank, fit)
-    own = evidence.discounted(bank, misfit)
-    if own is not bank:
-        fit = evidence.integrate(power, noise, own, fit.theta)
-    return Solution(*_refined(power, noise, own, fit, bank.at), misfit)
-
-
-def _refined(
-    power: Floats, noise: Floats, bank: evidence.Bank, fit: evidence.Fit, attenuation: Callable[[Floats], Floats]
-) -> tuple[evidence.Bank, evidence.Fit]:
-    """`MORE` candidates between those that are likely: a posterior may be narrower than the table's even steps.
-
-    The attenuation between candidates is that of the kept bank, whose spline serves every patch.
-    """
-    order = np.argsort(bank.even)
-    even, likely = bank.even[order], fit.log_evidence[order] > fit.log_evidence.max() - DEPTH
-    gaps = np.flatnonzero(likely[:-1] | likely[1:])
-    parts = np.arange(1, MORE // len(gaps) + 1) / (MORE // len(gaps) + 1)
-    between = (even[gaps, None] + np.diff(even)[gaps, None] * parts).ravel()
-    if not between.size:
-        return bank, fit
-    added = replace(bank, even=between, attenuation=attenuation(between))
-    more = evidence.integrate(power, noise, added, fit.theta[np.argmin(np.abs(bank.even - between[:, None]), axis=1)])
-    order = np.argsort(np.concatenate([bank.even, between]))
-
-    def joined(first: Floats, second: Floats) -> Floats:
-        return np.concatenate([first, second])[order]
-
-    finer = replace(bank, even=joined(bank.even, between), attenuation=joined(bank.attenuation, added.attenuation))
-    values = (joined(*pair) for pair in zip(vars(fit).values(), vars(more).values(), strict=True))
-    return finer, evidence.Fit(*values)
 
 
 def restored(problem: Problem, found: Grid, distance: float) -> Floats:

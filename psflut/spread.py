@@ -31,6 +31,7 @@ from scipy.interpolate import CubicSpline
 
 from psflut import evidence
 from psflut.fourier import transfer
+from psflut.laplace import curvature
 from psflut.spectrum import annuli
 from psflut.table import PSFTable
 
@@ -136,7 +137,7 @@ def pixels(
     scene = evidence.scene_power(att[chosen], theta[chosen], bank)
     weight = bank.shape * (scene / (scene + noise)) ** 2
     slope = np.gradient(np.log(att), bank.even, axis=0)[chosen]
-    taken = np.linalg.solve(evidence.curvature(weight, bank), ((weight * slope) @ bank.basis)[..., None])[..., 0]
+    taken = np.linalg.solve(curvature(weight, bank), ((weight * slope) @ bank.basis)[..., None])[..., 0]
     q = weight * (slope - taken @ bank.basis.T)
     order, errors = np.argsort(table.even(table.axis)), _errors(table)
     own, half = table.even(table.axis)[order], table.size // 2

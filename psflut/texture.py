@@ -7,7 +7,7 @@ scenes follow, the others bend it. The contrast is left free (a wide normal, ind
 that gain does not move a distance. Three more numbers say how far real patches are from this: beyond the smooth
 curve the power of an annulus scatters by ``roughness``, and it counts for ``efficiency`` of its bins,
 because a scene is not the stationary Gaussian field of the model; ``misfit`` is the scatter that half of all scenes
-show, and those with more count for less (`psflut.evidence.overdispersion`).
+show, and those with more count for less (`psflut.evidence.discount`).
 
 The numbers are learnt by `calib.textures`; ``texture.json`` holds them with where they come from.
 """

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import fft, integrate, stats
 
-from psflut import capture, evidence, restore, texture
+from psflut import capture, evidence, laplace, restore, texture
 from psflut.density import Density
 from psflut.estimation import Problem
 from psflut.grid import grid
@@ -28,7 +28,7 @@ def test_laplace_agrees_with_quadrature(lab16mm, lab_patch):
     bank = evidence.bank(lab16mm, (128, 128), Plain(), small, 25)
     power = annular_power(lab_patch)
     noise = evidence.noise_power(bank, Noise(0.005), 0.5)
-    fit = evidence.integrate(power, noise, bank)
+    fit = laplace.integrate(power, noise, bank)
     best = int(np.argmax(fit.log_evidence))
     exact = []
     for z in (best - 1, best, best + 1):
@@ -38,7 +38,7 @@ def test_laplace_agrees_with_quadrature(lab16mm, lab_patch):
         log = evidence.log_joint(power, bank.attenuation[z], noise, theta, bank)
         area = integrate.trapezoid(integrate.trapezoid(np.exp(log - log.max()), axes[1]), axes[0])
         exact.append(log.max() + np.log(area))
-    np.testing.assert_allclose(np.diff(exact), np.diff(fit.log_evidence[best - 1 : best + 2]), atol=0.01)
+    np.testing.assert_allclose(np.diff(exact), np.diff(fit.log_evidence[best - 1 : best + 2]), rtol=1e-3)
 
 
 @pytest.mark.parametrize("imager", [Plain(), Laplacian()])
@@ -75,7 +75,7 @@ def intervals(bank, noise, believed, rng, trials, level):
         k = int(rng.integers(0, len(bank.even)))
         mean = bank.attenuation[k] * np.exp(bank.basis @ row) + noise
         power = rng.gamma(bank.shape, mean / bank.shape)
-        fit = evidence.integrate(power, believed, bank)
+        fit = laplace.integrate(power, believed, bank)
         density = Density(bank.even, fit.log_evidence, lambda v: 1 / np.asarray(v))
         near, far = density.interval(level)
         hits += near <= 1 / bank.even[k] <= far
@@ -96,7 +96,7 @@ def test_gain_and_offset_do_not_move_the_distance(bank, lab_patch):
     peaks = []
     for gain, offset in ((1.0, 0.0), (0.4, 0.3)):
         noise = evidence.noise_power(bank, Noise(0.005 * gain), 0.5)
-        fit = evidence.integrate(annular_power(gain * lab_patch + offset), noise, bank)
+        fit = laplace.integrate(annular_power(gain * lab_patch + offset), noise, bank)
         peaks.append(Density(bank.even, fit.log_evidence, lambda v: 1 / np.asarray(v)).modes()[0].distance)
     assert peaks[0] == pytest.approx(peaks[1], rel=2e-4)
 
@@ -107,7 +107,7 @@ def test_a_flatter_noise_floor_says_less(bank, lab_patch):
     widths = []
     for sigma in (0.005, 0.02, 0.08):
         noisy = lab_patch + np.sqrt(sigma**2 - 0.005**2) * rng.standard_normal(lab_patch.shape)
-        fit = evidence.integrate(annular_power(noisy), evidence.noise_power(bank, Noise(sigma), 0.5), bank)
+        fit = laplace.integrate(annular_power(noisy), evidence.noise_power(bank, Noise(sigma), 0.5), bank)
         near, far = Density(bank.even, fit.log_evidence, lambda v: 1 / np.asarray(v)).interval(0.68)
         widths.append(far - near)
     assert widths[0] < widths[1] < widths[2]
@@ -116,7 +116,7 @@ def test_a_flatter_noise_floor_says_less(bank, lab_patch):
 def test_the_maximum_is_a_maximum(bank, lab_patch):
     power = annular_power(lab_patch)
     noise = evidence.noise_power(bank, Noise(0.005), 0.5)
-    fit = evidence.integrate(power, noise, bank)
+    fit = laplace.integrate(power, noise, bank)
     peak = evidence.log_joint(power, bank.attenuation, noise, fit.theta, bank)
     rng, likely = np.random.default_rng(0), peak > peak.max() - 30  # others are given up early
     factor = np.linalg.cholesky(np.linalg.inv(fit.curvature))
@@ -144,7 +144,7 @@ def test_maxima_are_maxima_for_patterns_that_no_smooth_spectrum_explains(bank, p
     grid = np.indices((128, 128)).sum(axis=0)
     noise = 0.005 * np.random.default_rng(0).standard_normal((128, 128))
     stripes = 0.5 + 0.4 * np.sin(2 * np.pi * grid / period) + noise
-    fit = evidence.integrate(annular_power(stripes), evidence.noise_power(bank, Noise(0.005), 0.5), bank)
+    fit = laplace.integrate(annular_power(stripes), evidence.noise_power(bank, Noise(0.005), 0.5), bank)
     assert np.all(np.isfinite(fit.log_evidence))
     assert np.linalg.eigvalsh(fit.curvature).min() > 0
 

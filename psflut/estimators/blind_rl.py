@@ -11,6 +11,7 @@ from psflut.density import Density
 from psflut.errors import PsflutError
 from psflut.estimation import AbstractEstimator, Curve, Estimate, Problem, judge
 from psflut.grid import cached_bank
+from psflut.laplace import curvature
 from psflut.restore import blind_richardson_lucy, nonnegative
 from psflut.spectrum import annular_power
 from psflut.spread import spread
@@ -137,7 +138,7 @@ def _scenes(power: Floats, noise: Floats, bank: evidence.Bank) -> Floats:
         weight = bank.shape * share**TRUST
         target = raw + np.log(np.maximum(share, 1e-6))
         slope = (weight * target) @ bank.basis + prior.precision @ prior.mean
-        theta = np.linalg.solve(evidence.curvature(weight, bank), slope[..., None])[..., 0]
+        theta = np.linalg.solve(curvature(weight, bank), slope[..., None])[..., 0]
         scene = np.exp(theta @ bank.basis.T)
     return np.asarray(theta)
 
@@ -147,4 +148,4 @@ def _score(power: Floats, noise: Floats, theta: Floats, bank: evidence.Bank) -> 
     scene = evidence.scene_power(bank.attenuation, theta, bank)
     weight = bank.shape * (scene / (scene + noise)) ** 2
     joint = evidence.log_joint(power, bank.attenuation, noise, theta, bank)
-    return np.asarray(joint - 0.5 * np.linalg.slogdet(evidence.curvature(weight, bank))[1])
+    return np.asarray(joint - 0.5 * np.linalg.slogdet(curvature(weight, bank))[1])

@@ -28,6 +28,7 @@ from psflut.errors import PsflutError
 from psflut.estimation import Observation, estimate
 from psflut.imagers.plain import Plain
 from psflut.images import read_image
+from psflut.laplace import integrate
 from psflut.noise import Noise
 from psflut.spectrum import annular_power, annuli
 
@@ -127,7 +128,7 @@ def test_the_grid_alone_tells_it_coarsely(frames, table):
         rows = []
         for z in (z for z in frames if z % 2):
             for patch in corners(frames[z].image):
-                fit = evidence.integrate(annular_power(patch), evidence.noise_power(bank, NOISE, 0.3), bank)
+                fit = integrate(annular_power(patch), evidence.noise_power(bank, NOISE, 0.3), bank)
                 density = Density(bank.even, fit.log_evidence, table.position)
                 ends = density.interval(0.95)
                 rows.append((z, 1e3 * density.modes()[0].distance, 1e3 * ends[0], 1e3 * ends[1]))

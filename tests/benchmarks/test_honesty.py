@@ -15,9 +15,9 @@ import pytest
 
 from calib.textures import SIZES, learn, shrink, spectra
 from psflut import evidence, texture
+from psflut.candidates import solve
 from psflut.capture import capture, psf_of
 from psflut.density import Density
-from psflut.grid import solve
 from psflut.imagers.plain import Plain
 from psflut.images import read_image
 from psflut.noise import Noise

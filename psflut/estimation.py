@@ -69,6 +69,8 @@ class Observation:
         The ideal image where it is known: what the imager would record without blur and noise.
     quantum : float
         Step between levels of the image, image units, 0 if unknown; bounds an estimated noise from below.
+    second : (Observation, PSFTable) or None
+        The same patch taken with another setting of the camera, and that setting's table.
     """
 
     image: NDArray[np.floating]
@@ -76,6 +78,7 @@ class Observation:
     imager: str | None = None
     scene: NDArray[np.floating] | None = None
     quantum: float = 0.0
+    second: "tuple[Observation, PSFTable] | None" = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,6 +123,8 @@ class Problem:
     noise_source : "given", "table" or "image"
     level : float
         Of the interval.
+    second : Problem or None
+        The second image, of the same shape and imager.
     """
 
     image: NDArray[np.floating]
@@ -129,6 +134,7 @@ class Problem:
     noise_source: str
     level: float
     scene: NDArray[np.floating] | None = None
+    second: "Problem | None" = None
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -146,6 +152,22 @@ class Problem:
         hides it."""
         return 0.5 if self.imager.signed else float(self.image.mean())
 
+    @property
+    def is_flat(self) -> bool:
+        """Whether the patch's power is what its noise alone would have.
+
+        Noise of known power has, over all annuli, sum n_k (P_k / N_k - 1) of mean zero and variance sum n_k.
+        """
+        rings = annuli(self.shape)
+        response = rings.mean(self.imager.transfer(self.shape) ** 2)
+        excess = rings.effective * (self.power / self.noise.power(response, self.mean_level) - 1)
+        return bool(excess.sum() < TEXTURE_SIGMAS * np.sqrt(rings.effective.sum()))
+
+    @property
+    def is_saturated(self) -> bool:
+        """Whether too many pixels are at exactly full scale."""
+        return bool(np.mean(self.image == 1.0) >= SATURATED_SHARE)
+
 
 class AbstractEstimator(ABC):
     """A method of estimating distance: a frozen dataclass of its settings. Its repr is its recipe."""
@@ -154,6 +176,8 @@ class AbstractEstimator(ABC):
     """Whether it can use a known ideal image."""
     knows: ClassVar[str] = ""
     """What the scene is known to be, "a point" say; empty for a method that takes any texture."""
+    uses_second: ClassVar[bool] = False
+    """Whether it compares the patch with a second image of the same scene."""
     sees_flat: ClassVar[bool] = False
     """Whether it tells by itself that a patch shows nothing, by `nothing_to_see`."""
 
@@ -185,14 +209,15 @@ def estimate(
     ------
     PsflutError
         For a patch that is smaller than the table's PSF, not finite, or negative though the imager is not
-        signed; for an unknown method, or a known scene that the method does not use.
+        signed; for an unknown method, or a known scene or second image that the method does not use.
     """
     method = family.parse("psflut.estimators", estimator) if isinstance(estimator, str) else estimator
     problem = _door(observation, table, method, level)
     start = time.perf_counter()
-    flat = not method.sees_flat and _is_flat(problem)
+    flat = not method.sees_flat and problem.is_flat
     result = nothing_to_see(problem) if flat else method.solve(problem)
-    if result.outcome is not Outcome.FLAT and np.mean(problem.image == 1.0) >= SATURATED_SHARE:
+    saturated = any(each.is_saturated for each in (problem, problem.second) if each is not None)
+    if result.outcome is not Outcome.FLAT and saturated:
         result = replace(result, outcome=Outcome.SATURATED)
     stats = {
         "noise": problem.noise.read,
@@ -204,9 +229,9 @@ def estimate(
 
 
 def for_any_scene() -> tuple[str, ...]:
-    """Names of the methods that take any texture."""
-    names = family.names("psflut.estimators")
-    return tuple(name for name in names if not family.load("psflut.estimators", name).knows)
+    """Names of the methods that take one image of any texture."""
+    parts = {name: family.load("psflut.estimators", name) for name in family.names("psflut.estimators")}
+    return tuple(name for name, part in parts.items() if not (part.knows or part.uses_second))
 
 
 def judge(density: Density) -> tuple[Outcome, dict[str, Any]]:
@@ -218,15 +243,16 @@ def judge(density: Density) -> tuple[Outcome, dict[str, Any]]:
     return (Outcome.AT_EDGE, {"edge": edge}) if edge else (Outcome.OK, {})
 
 
-def prior_density(table: PSFTable) -> Density:
-    """What is known before the patch is seen: flat in vergence (or stage) over the table's span."""
-    even = np.sort(table.even(table.candidates(8)))
+def prior_density(table: PSFTable, span: tuple[float, float] | None = None) -> Density:
+    """What is known before the patch is seen: flat in vergence (or stage) over the span, metres; else the table's."""
+    low, high = np.sort(table.even(span or table.span))
+    even = np.linspace(low, high, 8)
     return Density(even, np.zeros_like(even), table.position)
 
 
-def nothing_to_see(problem: Problem) -> Estimate:
+def nothing_to_see(problem: Problem, span: tuple[float, float] | None = None) -> Estimate:
     """The answer to a patch that says nothing of distance: FLAT, with what was known before."""
-    density = prior_density(problem.table)
+    density = prior_density(problem.table, span)
     modes = density.modes()
     return Estimate(modes[0].distance, density.interval(problem.level), problem.level, Outcome.FLAT, modes)
 
@@ -242,7 +268,8 @@ def _door(observation: Observation, table: PSFTable, estimator: AbstractEstimato
             f"the patch falls to {image.min():.3g}, but a plain image is not negative; "
             "check its offset, or name its imager"
         )
-    return Problem(image, table, imager, noise, source, level, _known(observation, estimator))
+    known, second = _known(observation, estimator), _second(observation, imager, estimator, level)
+    return Problem(image, table, imager, noise, source, level, known, second)
 
 
 def _sound(image: NDArray[Any], least: int) -> Floats:
@@ -287,13 +314,16 @@ def _known(observation: Observation, estimator: AbstractEstimator) -> Floats | N
     return scene
 
 
-def _is_flat(problem: Problem) -> bool:
-    """Whether the patch's power is what its noise alone would have.
-
-    Noise of known power has, over all annuli, sum n_k (P_k / N_k - 1) of mean zero and variance sum n_k.
-    """
-    rings = annuli(problem.shape)
-    response = rings.mean(problem.imager.transfer(problem.shape) ** 2)
-    noise = problem.noise.power(response, problem.mean_level)
-    excess = rings.effective * (problem.power / noise - 1)
-    return bool(excess.sum() < TEXTURE_SIGMAS * np.sqrt(rings.effective.sum()))
+def _second(observation: Observation, imager: Imager, estimator: AbstractEstimator, level: float) -> Problem | None:
+    if observation.second is None:
+        return None
+    if not estimator.uses_second:
+        raise PsflutError(f"{family.describe(estimator)} does not use a second image; leave it out or name two_image")
+    second = _door(*observation.second, estimator, level)
+    if second.shape != np.shape(observation.image) or second.imager != imager:
+        raise PsflutError(
+            "both images must show the same patch through one imager, got "
+            f"{np.shape(observation.image)} through {family.describe(imager)} and {second.shape} through "
+            f"{family.describe(second.imager)}; crop and filter them alike"
+        )
+    return second

@@ -19,10 +19,17 @@ METHODS = family.names("psflut.estimators")
 TRUTH, NOISE = 1.63, Noise(0.005)
 
 
+def seen(image, noise, table, method):
+    """The observation; a method that compares two images is given the same one twice."""
+    one = Observation(image, noise)
+    wants = family.load("psflut.estimators", method).uses_second
+    return replace(one, second=(one, table)) if wants else one
+
+
 @pytest.fixture(scope="module")
 def found(lab16mm, lab_patch):
     """Every method's estimate of the same patch, computed once."""
-    return {method: estimate(Observation(lab_patch, NOISE), lab16mm, method) for method in METHODS}
+    return {method: estimate(seen(lab_patch, NOISE, lab16mm, method), lab16mm, method) for method in METHODS}
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -46,14 +53,15 @@ def test_every_estimate_keeps_the_contract(found, lab16mm, method):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_the_same_recipe_gives_the_same_answer(found, lab16mm, lab_patch, method):
-    again = estimate(Observation(lab_patch, NOISE), lab16mm, family.parse("psflut.estimators", method))
+    observation = seen(lab_patch, NOISE, lab16mm, method)
+    again = estimate(observation, lab16mm, family.parse("psflut.estimators", method))
     assert (again.distance, again.interval) == (found[method].distance, found[method].interval)
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_patch_without_texture_is_flat_with_the_interval_of_the_prior(lab16mm, rng, method):
     for image in (np.full((64, 64), 0.5), 0.5 + 0.005 * rng.standard_normal((64, 64))):
-        result = estimate(Observation(image, NOISE), lab16mm, method)
+        result = estimate(seen(image, NOISE, lab16mm, method), lab16mm, method)
         assert result.outcome is Outcome.FLAT
         assert result.interval == prior_density(lab16mm).interval(0.95)
 
@@ -64,7 +72,7 @@ def test_bad_patches_are_refused_by_every_method(lab16mm, lab_patch, method):
     holed[3, 3] = np.nan
     for image in (lab_patch[:40], holed, lab_patch - 1.0, lab_patch + 0j, lab_patch[None]):
         with pytest.raises(PsflutError):
-            estimate(Observation(image, NOISE), lab16mm, method)
+            estimate(seen(image, NOISE, lab16mm, method), lab16mm, method)
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -73,7 +81,7 @@ def test_raw_signed_captures_are_mapped_not_refused(thesis, scene, method):
     setup = replace(capture.setup_of(thesis), normalise=False, noise="relative:1e-3")
     image, noise = capture.simulate(scene, thesis, 3.7, setup, seed=0)
     assert image.min() < -6 * noise.read
-    result = estimate(Observation(image[64:192, 64:192], noise), thesis, method)
+    result = estimate(seen(image[64:192, 64:192], noise, thesis, method), thesis, method)
     assert np.isfinite(result.distance)
 
 
@@ -83,7 +91,7 @@ def test_every_method_runs_on_the_tables_of_the_thesis(method, name, scene):
     """Normalised Laplacian captures, either of the noises; little can be told, so intervals must be wide."""
     table = read_table(name)
     image, noise = capture.simulate(scene, table, 3.87, capture.setup_of(table), seed=0)
-    result = estimate(Observation(image[64:160, 64:160]), table, method)
+    result = estimate(seen(image[64:160, 64:160], None, table, method), table, method)
     near, far = result.interval
     assert table.span[0] <= near < far <= table.span[1]
     assert result.stats["noise_source"] == "table"

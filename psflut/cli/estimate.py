@@ -1,6 +1,7 @@
 """`psflut estimate`: the distance of a patch."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -25,7 +26,7 @@ def run(
         str | None,
         typer.Option(
             help=f"{METHODS}; several with commas between, settings behind colons: wiener:candidates=200. "
-            "Default: wiener, or point where the scene is one."
+            "Default: wiener, point where the scene is one, or two_image where a second image is given."
         ),
     ] = None,
     noise: NoiseOption = None,
@@ -37,6 +38,13 @@ def run(
             help="What is known of the scene: a lone bright point, or the ideal image, as large as the capture and "
             "decoded as it is.",
         ),
+    ] = None,
+    second: Annotated[
+        str | None,
+        typer.Option(metavar="IMAGE", help="The same scene with another aperture or focus, for two_image."),
+    ] = None,
+    second_table: Annotated[
+        str | None, typer.Option(metavar="TABLE", help="The table of the second image's setting.")
     ] = None,
     patch: Annotated[
         str | None,
@@ -54,18 +62,26 @@ def run(
 
     tabled = read_table(table)
     family.parse("psflut.imagers", imager or tabled.imager)
-    names = [name.strip() for name in (method or ("point" if scene == "point" else "wiener")).split(",")]
+    default = "point" if scene == "point" else "wiener" if second is None else "two_image"
+    names = [name.strip() for name in (method or default).split(",")]
     estimators = {name: family.parse("psflut.estimators", name) for name in names}
     others = [name for name in names if name.partition(":")[0] != "point"]
     if scene == "point" and others:
         raise PsflutError(f"{others[0]} does not know what a point is; leave --method out, or name point")
+    if (second is None) != (second_table is None):
+        raise PsflutError("a second image comes with the table of its setting; give --second and --second-table")
     known = None if scene in (None, "point") else read_image(Path(scene), gamma, srgb)
+    other = None if second is None else (read_image(Path(second), gamma, srgb), read_table(str(second_table)))
     found: list[tuple[str, str, Estimate]] = []
     try:
         for image in images:
             picture = read_image(Path(image), gamma, srgb)
             with console.about(image):
                 observation = _observation(picture, noise, imager, known, patch)
+                if other is not None:
+                    _same_shape("second image", other[0], picture)
+                    beside = _observation(other[0], noise, imager, None, patch)
+                    observation = replace(observation, second=(beside, other[1]))
                 for name, estimator in estimators.items():
                     found.append((image, name, solve(observation, tabled, estimator, level)))
                     if as_json:
@@ -84,8 +100,8 @@ def _observation(
     from psflut.images import crop
     from psflut.noise import parse_noise
 
-    if known is not None and known.image.shape != picture.image.shape:
-        raise PsflutError(f"the scene has the shape {known.image.shape}, not {picture.image.shape}; they must agree")
+    if known is not None:
+        _same_shape("scene", known, picture)
     window = crop(picture.image.shape, patch)
     return Observation(
         picture.image[window],
@@ -94,3 +110,8 @@ def _observation(
         scene=None if known is None else known.image[window],
         quantum=picture.quantum,
     )
+
+
+def _same_shape(what: str, other: "Picture", picture: "Picture") -> None:
+    if other.image.shape != picture.image.shape:
+        raise PsflutError(f"the {what} has the shape {other.image.shape}, not {picture.image.shape}; they must agree")

@@ -188,3 +188,25 @@ def test_a_scene_of_another_size_is_refused(refused, shelf):
     write_tiff(Path("scene.tif"), np.eye(64), {})
     words = ("--table", "lab16mm", "--method", "golden_section", "--scene", "scene.tif")
     assert "(64, 64)" in refused("estimate", shelf / "capture.tif", *words)
+
+
+def test_a_second_image_with_its_table_selects_its_method(psflut, estimates, refused, shelf, tmp_path):
+    for name, stop in (("wide", "2"), ("small", "8")):
+        recipe = (shelf / "recipe.toml").read_text().replace("f_number = 2", f"f_number = {stop}")
+        (tmp_path / f"{name}.toml").write_text(recipe.replace("count = 4", "count = 12"))
+        assert psflut("build", f"{name}.toml", "-o", f"{name}.zarr")[0] == 0
+        words = ("--table", f"{name}.zarr", "--distance", "1.37 m", "--noise", "0.003", "-o", f"{name}.tif")
+        assert psflut("simulate", shelf / "scene.png", *words)[0] == 0
+    words = ("--table", "wide.zarr", "--second", "small.tif", "--noise", "0.003", *SMALL)
+    (found,) = estimates("wide.tif", *words, "--second-table", "small.zarr")
+    assert list(found) == KEYS
+    assert found["method"] == "two_image"
+    assert found["distance_m"] == pytest.approx(1.37, abs=0.03)
+    assert "--second-table" in refused("estimate", "wide.tif", *words)
+    assert "second image" in refused(
+        "estimate", "wide.tif", *words, "--second-table", "small.zarr", "--method", "wiener"
+    )
+    write_tiff(Path("other.tif"), np.full((64, 64), 0.5), {})
+    assert "shape" in refused(
+        "estimate", "wide.tif", "--table", "wide.zarr", "--second", "other.tif", "--second-table", "small.zarr"
+    )

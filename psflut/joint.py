@@ -1,0 +1,171 @@
+"""The posterior of distance from two captures of one scene, each with its own table.
+
+Both images together are, at every frequency, complex Gaussian with covariance S a a* + diag(N1, N2), a = (H1, c H2).
+Its density splits in two (`psflut.crossed` has the formula): how far the images disagree once each is blurred by the
+other's PSF, and the power of their fused spectrum, of mean S A + 1, which is judged as a single image's is
+(`psflut.evidence`), with the scene's spectrum integrated out under the texture prior. The first knows nothing of
+scenes and does nearly all the work wherever the two PSFs differ; the second is what is left where they do not.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from psflut.candidates import solve
+from psflut.crossed import Crossing, Residual, crossing
+from psflut.density import Density
+from psflut.errors import PsflutError
+from psflut.estimation import Problem
+from psflut.grid import cached_bank
+from psflut.spread import between, placement
+from psflut.table import PSFTable
+from psflut.units import format_length
+
+Floats = NDArray[np.float64]
+
+DEPTH, ENOUGH, ROUNDS, PARTS = 20.0, 12, 7, 4
+"""Steps between distances are cut in `PARTS` until `ENOUGH` of them are no more than `DEPTH` nats below the best."""
+
+COARSE = 3
+"""How many times fewer distances the residual, which is smooth in distance, is first looked at."""
+
+STILL, CENTRINGS, FARTHEST = 0.05, 3, 2.0
+"""The shift about which the residual is linearised is sought until it moves by less than so many pixels, at most so
+many times; and the largest, pixels."""
+
+NODES, MARGIN = 2048, 8.0
+"""Of the density; and how many of the tables' own errors it reaches beyond the likely distances."""
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """What two captures say.
+
+    Parameters
+    ----------
+    even : (M,) array
+        Distances looked at, ascending, in the coordinate of the flat prior.
+    log_evidence : (M,) array
+    density : Density
+        The posterior, widened by the tables' own errors.
+    misfit : float
+        Power of the residual over that of noise at the likeliest distance; 1 where the model holds. A larger one
+        widens the posterior by its root.
+    gain, shift : float, (2,) array
+        Exposure of the second image over that of the first; its shift down and across, pixels.
+    restored : (H, W) array
+        The ideal image at the likeliest distance, from both.
+    """
+
+    even: Floats
+    log_evidence: Floats
+    density: Density
+    misfit: float
+    gain: float
+    shift: Floats
+    restored: Floats
+
+
+def overlap(first: PSFTable, second: PSFTable) -> tuple[float, float]:
+    """First and last position (metres) that both tables span.
+
+    Raises
+    ------
+    PsflutError
+        If there are none, or the tables are not of one pixel pitch and kind of axis.
+    """
+    if first.kind != second.kind or not np.isclose(first.pixel_pitch, second.pixel_pitch, rtol=1e-3):
+        raise PsflutError(
+            "both tables must have one kind of axis and one pixel pitch, got "
+            f"{first.kind} at {format_length(first.pixel_pitch)} and {second.kind} at "
+            f"{format_length(second.pixel_pitch)}; bin or calibrate them alike"
+        )
+    low, high = max(first.span[0], second.span[0]), min(first.span[1], second.span[1])
+    if not low < high:
+        spans = (" to ".join(map(format_length, each.span)) for each in (first, second))
+        raise PsflutError(
+            f"the two tables must have distances in common, got {' and '.join(spans)}; extend one of them"
+        )
+    return low, high
+
+
+def join(first: Problem, second: Problem, candidates: int) -> Joint:
+    """The posterior of two captures of one shape, over the distances that both tables span."""
+    low, high = np.sort(first.table.even(overlap(first.table, second.table)))
+    even = np.linspace(low, high, candidates)
+    coarse = np.linspace(low, high, max(candidates // COARSE, 5))
+    pair, found = _centred(crossing(first, second, coarse), coarse)
+    amplitude = _amplitude(pair, even, coarse, found)
+    even = coarse
+
+    def value(places: Floats, residual: Residual) -> Floats:
+        return np.asarray(residual.log_volume + amplitude(places) - residual.deviance)
+
+    log, deviance = value(even, found), found.deviance
+    for k in range(ROUNDS):
+        likely = log > log.max() - DEPTH
+        if k < 2:
+            likely |= log >= np.maximum(np.append(log[1:], -np.inf), np.append(-np.inf, log[:-1]))
+        elif np.sum(likely) >= ENOUGH:
+            break
+        gaps = np.flatnonzero(likely[:-1] | likely[1:])
+        added = (even[gaps, None] + np.diff(even)[gaps, None] * np.arange(1, PARTS) / PARTS).ravel()
+        more = pair.at(added)
+        order = np.argsort(np.concatenate([even, added]))
+        even = np.concatenate([even, added])[order]
+        log = np.concatenate([log, value(added, more)])[order]
+        deviance = np.concatenate([deviance, more.deviance])[order]
+    best = int(np.argmax(log))
+    misfit = float(deviance[best] / pair.count)
+    log = log + deviance * (1 - 1 / max(misfit, 1.0))
+    at_best = pair.at(even[best])
+    gain, density = float(at_best.gain[0]), _density(first, second, even, log)
+    return Joint(even, log, density, misfit, gain, at_best.shift[0], pair.restored(even[best], gain))
+
+
+def _centred(pair: Crossing, even: Floats) -> tuple[Crossing, Residual]:
+    """The pair linearised about the shift that it shows, and its residuals."""
+    found = pair.at(even)
+    for _ in range(CENTRINGS):
+        best = int(np.argmin(found.deviance))
+        if np.max(np.abs(found.shift[best] - pair.shift)) < STILL:
+            break
+        closer = pair
+        for _ in range(CENTRINGS):
+            closer = closer.recentred(np.clip(closer.at(even[best]).shift[0], -FARTHEST, FARTHEST))
+        pair, found = closer, closer.at(even)
+    return pair, found
+
+
+def _amplitude(pair: Crossing, even: Floats, places: Floats, found: Residual) -> CubicSpline:
+    """ln p of the power spectrum of the images as fused where they agree best, against distance."""
+    best = int(np.argmin(found.deviance))
+    gain = float(found.gain[best])
+    power = pair.power(float(places[best]), gain)
+    one, two = (cached_bank(each.table, each.shape, each.imager, len(even)) for each in (pair.first, pair.second))
+    parts = [
+        share * bank.at(even) / each.noise.power(bank.imager, each.mean_level)
+        for share, bank, each in ((1.0, one, pair.first), (gain**2, two, pair.second))
+    ]
+    fused = replace(one, even=even, attenuation=parts[0] + parts[1])
+    solved = solve(power, np.ones_like(power), fused)
+    return CubicSpline(solved.bank.even, solved.fit.log_evidence)
+
+
+def _density(first: Problem, second: Problem, even: Floats, log: Floats) -> Density:
+    """The posterior about the likely distances, and so far beyond as the tables' errors may move it."""
+
+    def spread(places: Floats) -> Floats:
+        parts = [f(each.table, places) for f in (placement, between) for each in (first, second)]
+        return np.asarray(np.linalg.norm(parts, axis=0))
+
+    likely = np.flatnonzero(log > log.max() - DEPTH)
+    ends = even[np.clip([likely[0] - 1, likely[-1] + 1], 0, len(even) - 1)]
+    beyond = MARGIN * spread(even[[np.argmax(log)]])[0]
+    nodes = np.linspace(max(ends[0] - beyond, even[0]), min(ends[1] + beyond, even[-1]), NODES)
+    floor = log.max() - 3 * DEPTH
+    spline = CubicSpline(even, np.maximum(log, floor))(nodes)
+    values = np.where((nodes >= ends[0]) & (nodes <= ends[1]), np.maximum(spline, floor), floor)
+    return Density(nodes, values, first.table.position).widened(spread)

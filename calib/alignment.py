@@ -13,7 +13,7 @@ from psflut.imagers import Imager
 
 Floats = NDArray[np.float64]
 
-PER = 3
+PER = 5
 """Samples a pixel, each way, of the picture that comes out; the fits here take one."""
 
 ROUGH_RINGS = 12
@@ -36,6 +36,8 @@ class Aligned:
         With its light made even and its background taken off; NaN where it is saturated or the picture unknown.
     scene : (h, w) array
         The picture through the imager, at `known_scene.places` with PER samples a pixel.
+    free : (n, H, W) array
+        What may be left in that frame of the light, the background and the picture's place.
     sigma : float
         Of the spread, as a line shows it; pixels.
     matrix : (3, 3) array
@@ -44,6 +46,7 @@ class Aligned:
 
     frame: Floats
     scene: Floats
+    free: Floats
     sigma: float
     matrix: Floats
 
@@ -85,7 +88,7 @@ def align(frame: Floats, picture: Floats, matrix: Floats, size: int, imager: Ima
     y, x = known_scene.places(shape, size, 1)
     v, u = (y - middle[0]) / half, (x - middle[1]) / half
     unit = np.array([[half, 0.0, middle[1]], [0.0, half, middle[0]], [0.0, 0.0, 1.0]])
-    rough, even = Polar(ROUGH_RINGS, size / 2.0 / ROUGH_RINGS, 0), frame
+    rough, even = Polar(tuple(np.arange(ROUGH_RINGS) * size / 2.0 / ROUGH_RINGS), 0), frame
     planes, slow = rough.planes(size, 1), _slow(shape)
     for _ in range(ROUNDS):
         scene = _filtered(registration.sample(coefficients, matrix, y, x), imager.kernel())
@@ -106,7 +109,8 @@ def align(frame: Floats, picture: Floats, matrix: Floats, size: int, imager: Ima
     if np.isfinite(even).mean() < LEAST_KNOWN:
         raise PsflutError("leaves the reference while it is registered; let the reference show more around it")
     scene = registration.sample(coefficients, matrix, *known_scene.places(shape, size, PER))
-    return Aligned(even, _filtered(scene, _spaced(imager.kernel())), _spread(rough, heights), matrix)
+    left = np.concatenate([slow, free[1 : len(free) - len(slow)], moved])
+    return Aligned(even, _filtered(scene, _spaced(imager.kernel())), left, _spread(rough, heights), matrix)
 
 
 def _slow(shape: tuple[int, ...]) -> Floats:
@@ -141,6 +145,6 @@ def _spaced(kernel: Floats) -> Floats:
 
 def _spread(rough: Polar, heights: Floats) -> float:
     """Sigma of the line that these rings show, pixels."""
-    radius = rough.width * np.arange(rough.count)
-    light = np.maximum(heights, 0.0) * np.maximum(radius, 0.25 * rough.width)
+    radius = np.array(rough.knots)
+    light = np.maximum(heights, 0.0) * np.maximum(radius, 0.25 * radius[1])
     return float(np.sqrt(0.5 * np.sum(light * radius**2) / np.sum(light)))

@@ -13,6 +13,9 @@ Floats = NDArray[np.float64]
 ROUNDS = 40
 """At most, of learning how smooth the PSF is."""
 
+PASSES = 3
+"""Of learning where its light is."""
+
 
 @dataclass(frozen=True, eq=False)
 class Normal:
@@ -106,14 +109,41 @@ class Fit:
 def solve(equations: Normal, basis: Polar) -> Fit:
     """The most probable coefficients, given that every block of the basis has a gradient of normal distribution.
 
-    data = columns @ a + white noise, a_b ~ N(0, (weight_b bend_b)^-1). The weights and the noise maximise the
-    likelihood with a integrated out, by the fixed point of D. J. C. MacKay, Neural Computation 4, 415 (1992); a
-    wave of which the data know nothing goes to zero. The covariance is that of a given the data.
+    data = columns @ a + white noise, a_b ~ N(0, (weight_b bend_b)^-1). The gradient counts in units of the light at
+    its radius (`Polar.light`), which is that of the fit before; the first takes it to be even. So a dark pixel is known
+    to be smooth, and a lit one is not.
+
+    Compared on printed pages at 20 distances (0.6 to 9.5 pixels of blur radius), place known, no waves: mean summed
+    |error|, errors over stated ones, and log likelihood of the data. A weight by
+    the radius is that of an energy over the plane.
+
+    | prior | summed | honesty | likelihood |
+    |---|---|---|---|
+    | gradient | 0.0184 | 1.42 | 0 |
+    | gradient / light, weighed by radius^0 | 0.0123 | 1.50 | 1075 |
+    | weighed by radius: taken | 0.0111 | 1.15 | 1118 |
+    | weighed by radius^2 | 0.0107 | 0.84 | 1097 |
+    | heights / light, weighed by radius^0, ^1, ^2 | 0.0218, 0.0209, 0.032 | 0.71, 0.72, 0.90 | 671, 729, 623 |
+
+    A weight for every band of the radius instead of the light gave 0.012, but errors 1.2 to 3.5 times the stated.
     """
-    bends, variance = basis.bends, equations.power / equations.freedom * 0.1
+    fit = _likeliest(equations, basis.bends(np.ones(len(basis.knots))), basis.block)
+    for _ in range(PASSES):
+        light = basis.light(fit.coefficients[basis.block == 0])
+        fit = _likeliest(equations, basis.bends(light), basis.block)
+    return fit
+
+
+def _likeliest(equations: Normal, bends: Floats, block: NDArray[np.int_]) -> Fit:
+    """The fit with the weights and the noise that make the data likeliest, a integrated out.
+
+    By the fixed point of D. J. C. MacKay, Neural Computation 4, 415 (1992); a wave of which the data know nothing goes
+    to zero. The covariance is that of a given the data.
+    """
+    variance = equations.power / equations.freedom * 0.1
     scale = np.trace(equations.gram) / len(equations.gram)
     weights = np.full(len(bends), 1e-4 * scale / variance)
-    count = np.bincount(basis.block)
+    count = np.bincount(block)
     for _ in range(ROUNDS):
         prior = np.tensordot(weights, bends, 1)
         factor = linalg.cho_factor(equations.gram / variance + prior)

@@ -111,8 +111,9 @@ class NoiseTarget:
         """
         from skimage.transform import ProjectiveTransform
 
-        picture = ndimage.zoom(ndimage.uniform_filter(self.picture(), 4 * DOTS), 0.25 / DOTS, order=1)
-        shrunk = (np.array(picture.shape) - 1) / (np.array(self.picture().shape) - 1)
+        drawn = self.picture()
+        picture = ndimage.zoom(ndimage.uniform_filter(drawn, 4 * DOTS), 0.25 / DOTS, order=1)
+        shrunk = (np.array(picture.shape) - 1) / (np.array(drawn.shape) - 1)
         best, matrix = LIKE, None
         for corners in _fours(frame, self.discs):
             map_ = ProjectiveTransform.from_estimate(corners[:, ::-1], self.discs[:, ::-1])

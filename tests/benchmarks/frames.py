@@ -8,6 +8,7 @@ from pathlib import Path
 import imageio.v3 as iio
 import numpy as np
 from numpy.typing import NDArray
+from page import TARGET, page
 from scipy import fft, ndimage, signal
 
 from calib.targets import Shot, Target
@@ -82,6 +83,11 @@ def pattern_scene() -> Floats:
     return np.asarray(ndimage.gaussian_filter(np.where(field > 0, 0.75, 0.08), 0.5 * FINE))
 
 
+def pages(distance: float, rng: np.random.Generator) -> Shot:
+    """The printed page."""
+    return shot(page(LENS, distance, SIZE, rng), distance, rng)
+
+
 def patterns(distance: float, rng: np.random.Generator) -> Shot:
     """The picture, moved by up to half a pixel."""
     moved = np.roll(pattern_scene(), rng.integers(-2, 3, 2), axis=(0, 1))
@@ -100,6 +106,7 @@ def pattern(folder: Path) -> Target:
 FRAMES: dict[str, tuple[Callable[[Path], Target], Callable[[float, np.random.Generator], Shot]]] = {
     "point": (lambda folder: Point(), points),
     "edge": (lambda folder: Edge(), edges),
-    "pattern": (pattern, patterns),
+    "pattern": (lambda folder: Pattern(TARGET.name), pages),
+    "pattern by a sharp frame": (pattern, patterns),
 }
 """Of every target: itself, given a folder for what it needs, and how a frame of it is made."""

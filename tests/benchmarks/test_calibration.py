@@ -44,7 +44,7 @@ class Row(NamedTuple):
 
 
 def test_every_target_has_its_frames():
-    assert set(FRAMES) == set(family.names("calib.targets"))
+    assert {name.split()[0] for name in FRAMES} == set(family.names("calib.targets"))
 
 
 @pytest.fixture(scope="module", params=FRAMES)
@@ -96,7 +96,7 @@ def wiener(table, planes, scene):
 
 def test_psfs_are_measured(result):
     name, row = result
-    assert row.table < L1_BAR[name]
+    assert row.table < L1_BAR[name.split()[0]]
 
 
 def test_standard_errors_are_honest(result):

@@ -28,7 +28,7 @@ from scipy import fft
 
 from psflut import restore
 from psflut.estimation import Problem
-from psflut.fourier import transfer
+from psflut.fourier import once, phase, slopes, transfer
 from psflut.spectrum import annuli
 from psflut.table import PSFTable
 
@@ -38,7 +38,7 @@ Spectrum = NDArray[np.complexfloating]
 LOST = 1e-3
 """Share of a PSF's light that may come from beyond the border of what is compared."""
 
-EDGE = 0.25
+EDGE = 0.1
 """Share of the side of what is compared that the taper's rise takes, at either end."""
 
 GAP = 8
@@ -129,41 +129,25 @@ class Crossing:
         shift = beta[:, 1:3] / beta[:, :1] + self.shift
         return Residual(deviance, volume, beta[:, 0], shift)
 
+    def told(self, places: ArrayLike, gain: float) -> float:
+        """What the deviance is expected to grow by from one of two distances to the other: 0 for equal PSFs."""
+        one, two = (
+            np.stack([otf(each.table, place, self.grid) / np.sqrt(noise) for place in np.asarray(places)])
+            for each, noise in zip((self.first, self.second), self._noises, strict=True)
+        )
+        total = np.prod(np.abs(one) ** 2 + gain**2 * np.abs(two) ** 2, axis=0)
+        turned = np.abs(gain * (one[0] * two[1] - two[0] * one[1])) ** 2 / np.maximum(total, np.finfo(float).tiny)
+        return float(np.sum(self._weight * self.share / (1 - self.share) * turned))
+
     def recentred(self, shift: Floats) -> "Crossing":
         """The same about another shift."""
         return replace(self, shift=(float(shift[0]), float(shift[1])))
 
-    def power(self, even: float, gain: float) -> Floats:
-        """(K,) power over noise of the images fused at a distance: of mean S A + 1 in each annulus of the patch."""
-        rings, moved = annuli(self.first.shape), _phase(self.first.shape, self.shift)
-        tapered = [
-            rings.taper * (g - np.average(g, weights=rings.taper)) for g in (self.first.image, self.second.image)
-        ]
-        one, two = (fft.rfft2(each) / np.sqrt(np.sum(rings.taper**2)) for each in tapered)
-        fused, total = self._fused((one * moved, two), rings.shape, even, gain)
-        return rings.mean(np.abs(fused) ** 2 / total)
-
-    def restored(self, even: float, gain: float) -> Floats:
-        """The ideal image (H, W) at a distance, in the first one's place: Wiener inversion of both together."""
-        fused, total = self._fused(self._spectra, self.grid, even, gain)
-        height, width = self.first.shape
-        scene = fft.irfft2(_phase(self.grid, self.shift).conj() * self._share * fused / total, s=self.grid)
-        return np.asarray(scene[:height, :width] + self.first.image.mean(), dtype=float)
-
-    def _fused(
-        self, spectra: tuple[Spectrum, Spectrum], grid: tuple[int, int], even: float, gain: float
-    ) -> tuple[Spectrum, Floats]:
-        """H1* F1 / N1 + c H2* F2 / N2, and A."""
-        noises = self._noise(grid)
-        one, two = _otf(self.first.table, even, grid), gain * _otf(self.second.table, even, grid)
-        fused = one.conj() * spectra[0] / noises[0] + two.conj() * spectra[1] / noises[1]
-        return fused, np.abs(one) ** 2 / noises[0] + np.abs(two) ** 2 / noises[1]
-
     def _solve(self, even: float) -> tuple[float, float, Floats]:
         """Deviance, log volume, and (c, c dy, c dx) at one distance."""
-        one, two = (_otf(each.table, even, self.grid) for each in (self.first, self.second))
-        moved = self._spectra[0] * two
-        fields = [moved, moved * self._slopes[0], moved * self._slopes[1], self._spectra[1] * one]
+        one, two = (otf(each.table, even, self.grid) for each in (self.first, self.second))
+        moved = self.spectra[0] * two
+        fields = [moved, moved * self._slopes[0], moved * self._slopes[1], self.spectra[1] * one]
         shown = fft.irfft2(np.stack(fields), s=self.grid)
         seen = fft.rfft2(self.taper * np.concatenate([shown[:3], np.ones_like(shown[:1]), shown[3:]]))
         noises = (np.abs(two) ** 2 * self._noises[0], np.abs(one) ** 2 * self._noises[1])
@@ -183,13 +167,13 @@ class Crossing:
         return float(deviance), float(-0.5 * np.linalg.slogdet(normal)[1]), beta
 
     @cached_property
-    def _spectra(self) -> tuple[Spectrum, Spectrum]:
+    def spectra(self) -> tuple[Spectrum, Spectrum]:
         """Of both images about their means, the first moved by the shift."""
         one, two = (
             fft.rfft2(restore.continued(each.image - each.image.mean(), self.grid))
             for each in (self.first, self.second)
         )
-        return (one * _phase(self.grid, self.shift)).astype(np.complex64), two.astype(np.complex64)
+        return (one * phase(self.grid, self.shift)).astype(np.complex64), two.astype(np.complex64)
 
     @cached_property
     def _slopes(self) -> Spectrum:
@@ -203,9 +187,10 @@ class Crossing:
 
     @cached_property
     def _noises(self) -> tuple[Floats, Floats]:
-        return self._noise(self.grid)
+        return self.noise(self.grid)
 
-    def _noise(self, grid: tuple[int, int]) -> tuple[Floats, Floats]:
+    def noise(self, grid: tuple[int, int]) -> tuple[Floats, Floats]:
+        """N1 and N2 on the half plane of a grid."""
         response = self.first.imager.transfer(grid) ** 2
         one, two = (each.noise.power(response, each.mean_level) for each in (self.first, self.second))
         return one, two
@@ -226,7 +211,7 @@ class Crossing:
         return float(self._energy**2 / np.sum(self.taper**4, dtype=float))
 
     @cached_property
-    def _share(self) -> Floats:
+    def share(self) -> Floats:
         """w of every bin."""
         frequency = np.hypot(fft.fftfreq(self.grid[0])[:, None], fft.rfftfreq(self.grid[1]))
         share = np.maximum(1 - 1 / self.excess, 0.0)
@@ -235,7 +220,7 @@ class Crossing:
     @cached_property
     def _weight(self) -> Floats:
         """The same times the independent frequencies that a bin of the half plane stands for."""
-        return np.asarray(self.freedom / self.taper.size * once(self.grid) * self._share)
+        return np.asarray(self.freedom / self.taper.size * once(self.grid) * self.share)
 
     @cached_property
     def _lags(self) -> Floats:
@@ -248,34 +233,14 @@ class Crossing:
         return np.asarray(fft.rfft2(fft.irfft2(power, s=self.grid) * self._lags).real)
 
 
-def slopes(grid: tuple[int, int]) -> Spectrum:
-    """(2, H, W // 2 + 1) derivatives of a shifted image by its shift, down and across, at each frequency."""
-    height, width = grid
-    down = np.broadcast_to(fft.fftfreq(height)[:, None], (height, width // 2 + 1))
-    across = np.broadcast_to(fft.rfftfreq(width), (height, width // 2 + 1))
-    return np.asarray(-2j * np.pi * np.stack([down, across]))
-
-
-def _phase(grid: tuple[int, int], shift: tuple[float, float]) -> Spectrum:
-    """What moves an image by a shift (pixels)."""
-    return np.asarray(np.exp(np.tensordot(shift, slopes(grid), 1)))
-
-
-def once(grid: tuple[int, int]) -> Floats:
-    """Weights of the half plane's columns that count every frequency of a real image once."""
-    weight = np.ones(grid[1] // 2 + 1)
-    weight[0] = 0.5
-    weight[-1] = 0.5 if grid[1] % 2 == 0 else 1.0
-    return weight
-
-
 def crossing(first: Problem, second: Problem, even: Floats) -> Crossing:
     """Two captures to be compared at distances within those given."""
     reach = max(_reach(each.table, float(even.min()), float(even.max())) for each in (first, second))
     return Crossing(first, second, min(reach, (min(first.shape) - 1) // 4))
 
 
-def _otf(table: PSFTable, even: float, grid: tuple[int, int]) -> Spectrum:
+def otf(table: PSFTable, even: float, grid: tuple[int, int]) -> Spectrum:
+    """A table's transfer function at an even coordinate, in single precision."""
     position = np.clip(table.position(even), *table.span)
     return transfer(table.at(position).astype(np.float32), grid)
 

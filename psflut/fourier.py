@@ -1,4 +1,4 @@
-"""From a centred kernel to its transfer function."""
+"""Transfer functions on the half plane of frequencies of ``rfft2``: of a centred kernel, of a shift."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,3 +30,24 @@ def transfer(kernel: NDArray[np.floating], shape: tuple[int, int]) -> NDArray[np
     padded = np.zeros((*kernel.shape[:-2], *shape), kernel.dtype)
     padded[..., :size, :size] = kernel
     return np.asarray(fft.rfft2(np.roll(padded, (-(size // 2), -(size // 2)), axis=(-2, -1))))
+
+
+def slopes(grid: tuple[int, int]) -> NDArray[np.complexfloating]:
+    """(2, H, W // 2 + 1) derivatives of a shifted image by its shift, down and across, at each frequency."""
+    height, width = grid
+    down = np.broadcast_to(fft.fftfreq(height)[:, None], (height, width // 2 + 1))
+    across = np.broadcast_to(fft.rfftfreq(width), (height, width // 2 + 1))
+    return np.asarray(-2j * np.pi * np.stack([down, across]))
+
+
+def phase(grid: tuple[int, int], shift: tuple[float, float]) -> NDArray[np.complexfloating]:
+    """What moves an image by a shift (pixels)."""
+    return np.asarray(np.exp(np.tensordot(shift, slopes(grid), 1)))
+
+
+def once(grid: tuple[int, int]) -> NDArray[np.float64]:
+    """Weights of the half plane's columns that count every frequency of a real image once."""
+    weight = np.ones(grid[1] // 2 + 1)
+    weight[0] = 0.5
+    weight[-1] = 0.5 if grid[1] % 2 == 0 else 1.0
+    return weight

@@ -7,15 +7,17 @@ other's PSF, and the power of their fused spectrum, of mean S A + 1, which is ju
 scenes and does nearly all the work wherever the two PSFs differ; the second is what is left where they do not.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from psflut import fused
 from psflut.candidates import solve
 from psflut.crossed import Crossing, Residual, crossing
-from psflut.density import Density
+from psflut.density import Density, tails
 from psflut.errors import PsflutError
 from psflut.estimation import Problem
 from psflut.grid import cached_bank
@@ -34,6 +36,11 @@ COARSE = 3
 STILL, CENTRINGS, FARTHEST = 0.05, 3, 2.0
 """The shift about which the residual is linearised is sought until it moves by less than so many pixels, at most so
 many times; and the largest, pixels."""
+
+SURE, WORTH = 0.68, 8.0
+"""The residual counts where its deviance should differ by so much between the ends of the interval that the fused power
+spectrum gives. Below that (two settings that blur alike) its own fluctuations of a few nats would pass for information:
+of 48 photographs taken twice at one setting 95 % intervals covered 83 % with it."""
 
 NODES, MARGIN = 2048, 8.0
 """Of the density; and how many of the tables' own errors it reaches beyond the likely distances."""
@@ -94,35 +101,46 @@ def overlap(first: PSFTable, second: PSFTable) -> tuple[float, float]:
 def join(first: Problem, second: Problem, candidates: int) -> Joint:
     """The posterior of two captures of one shape, over the distances that both tables span."""
     low, high = np.sort(first.table.even(overlap(first.table, second.table)))
-    even = np.linspace(low, high, candidates)
     coarse = np.linspace(low, high, max(candidates // COARSE, 5))
     pair, found = _centred(crossing(first, second, coarse), coarse)
-    amplitude = _amplitude(pair, even, coarse, found)
-    even = coarse
+    amplitude = _amplitude(pair, np.linspace(low, high, candidates), coarse, found)
 
-    def value(places: Floats, residual: Residual) -> Floats:
-        return np.asarray(residual.log_volume + amplitude(places) - residual.deviance)
+    gain = float(found.gain[np.argmin(found.deviance)])
+    dense = np.linspace(low, high, NODES)
+    alone = Density(dense, amplitude(dense), first.table.position)
+    differ = pair.told(alone.quantile(tails(SURE)), gain) > WORTH
 
-    log, deviance = value(even, found), found.deviance
+    def rows(even: Floats, residual: Residual) -> Floats:
+        log = amplitude(even) + (residual.log_volume - residual.deviance if differ else 0.0)
+        return np.stack([even, log, residual.deviance])
+
+    even, log, deviance = _refined(rows(coarse, found), lambda added: rows(added, pair.at(added)))
+    best = int(np.argmax(log))
+    misfit = float(deviance[best] / pair.count)
+    log = log + (deviance * (1 - 1 / max(misfit, 1.0)) if differ else 0.0)
+    at_best = pair.at(even[best])
+    gain, density = float(at_best.gain[0]), _density(first, second, even, log)
+    return Joint(even, log, density, misfit, gain, at_best.shift[0], fused.restored(pair, even[best], gain))
+
+
+def _refined(rows: Floats, look: Callable[[Floats], Floats]) -> Floats:
+    """The rows (distance, log density, deviance) with more of them where the density is, in order of distance.
+
+    Peaks may be narrower than the first steps, so around each of them is looked, twice, before those too far below the
+    best are left alone.
+    """
     for k in range(ROUNDS):
+        even, log, _ = rows
         likely = log > log.max() - DEPTH
         if k < 2:
             likely |= log >= np.maximum(np.append(log[1:], -np.inf), np.append(-np.inf, log[:-1]))
         elif np.sum(likely) >= ENOUGH:
             break
         gaps = np.flatnonzero(likely[:-1] | likely[1:])
-        added = (even[gaps, None] + np.diff(even)[gaps, None] * np.arange(1, PARTS) / PARTS).ravel()
-        more = pair.at(added)
-        order = np.argsort(np.concatenate([even, added]))
-        even = np.concatenate([even, added])[order]
-        log = np.concatenate([log, value(added, more)])[order]
-        deviance = np.concatenate([deviance, more.deviance])[order]
-    best = int(np.argmax(log))
-    misfit = float(deviance[best] / pair.count)
-    log = log + deviance * (1 - 1 / max(misfit, 1.0))
-    at_best = pair.at(even[best])
-    gain, density = float(at_best.gain[0]), _density(first, second, even, log)
-    return Joint(even, log, density, misfit, gain, at_best.shift[0], pair.restored(even[best], gain))
+        added = even[gaps, None] + np.diff(even)[gaps, None] * np.arange(1, PARTS) / PARTS
+        rows = np.concatenate([rows, look(added.ravel())], axis=1)
+        rows = rows[:, np.argsort(rows[0])]
+    return rows
 
 
 def _centred(pair: Crossing, even: Floats) -> tuple[Crossing, Residual]:
@@ -143,14 +161,14 @@ def _amplitude(pair: Crossing, even: Floats, places: Floats, found: Residual) ->
     """ln p of the power spectrum of the images as fused where they agree best, against distance."""
     best = int(np.argmin(found.deviance))
     gain = float(found.gain[best])
-    power = pair.power(float(places[best]), gain)
+    power = fused.power(pair, float(places[best]), gain)
     one, two = (cached_bank(each.table, each.shape, each.imager, len(even)) for each in (pair.first, pair.second))
     parts = [
         share * bank.at(even) / each.noise.power(bank.imager, each.mean_level)
         for share, bank, each in ((1.0, one, pair.first), (gain**2, two, pair.second))
     ]
-    fused = replace(one, even=even, attenuation=parts[0] + parts[1])
-    solved = solve(power, np.ones_like(power), fused)
+    both = replace(one, even=even, attenuation=parts[0] + parts[1])
+    solved = solve(power, np.ones_like(power), both)
     return CubicSpline(solved.bank.even, solved.fit.log_evidence)
 
 

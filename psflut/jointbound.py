@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft, linalg
 
-from psflut.crossed import Spectrum, crossing, once, slopes
+from psflut.crossed import Spectrum, crossing
 from psflut.estimation import Problem
-from psflut.fourier import transfer
+from psflut.fourier import once, slopes, transfer
 from psflut.spectrum import annuli
 from psflut.texture import FREQUENCIES, TexturePrior, basis
 

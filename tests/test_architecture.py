@@ -26,6 +26,7 @@ FLOORS = [  # from the roof to the cellar; a module imports from lower floors on
     {"calib.polar"},
     {"psflut.estimators"},
     {"psflut.joint", "psflut.jointbound"},
+    {"psflut.fused"},
     {"psflut.crossed", "psflut.grid", "psflut.pointfit"},
     {"psflut.candidates"},
     {"psflut.estimation", "psflut.spread"},

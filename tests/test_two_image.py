@@ -87,8 +87,8 @@ def test_one_setting_twice_is_the_mean_of_both(lab16mm, scene):
     found = estimate(pair(one, two, lab16mm), lab16mm, "two_image")
     mean = estimate(Observation((one + two) / 2, Noise(0.005 / np.sqrt(2))), lab16mm, "wiener")
     sd = np.ptp(mean.interval) / 3.92
-    assert found.distance == pytest.approx(mean.distance, abs=1.5 * sd)
-    assert np.ptp(found.interval) == pytest.approx(np.ptp(mean.interval), rel=0.5)
+    assert found.distance == pytest.approx(mean.distance, abs=0.1 * sd)
+    assert np.ptp(found.interval) == pytest.approx(np.ptp(mean.interval), rel=0.1)
 
 
 def test_a_known_scene_is_a_second_image_without_blur_and_noise(thesis, scene):

@@ -28,6 +28,17 @@ class TwoImage(AbstractEstimator):
 
     With a known scene the second image is that: without blur and noise.
 
+    Compared on 72 captures of photographs, f/2 beside f/8, noise 0.005 (median error %, 95 % intervals cover, interval
+    score relative to distance; a single image errs by 0.5 to 1.5 %):
+
+    ====================================================================  =====  ====  =====
+    as here                                                               0.096  97 %  0.009
+    a taper that rises over a quarter of the side at either end           0.105  99 %  0.015
+    a Hann taper                                                          0.187  96 %  0.159
+    a Hann taper over the whole patch, borders included                   0.100  99 %  0.011
+    as the second, all frequencies counted alike, drowned or not          0.132  92 %  0.074
+    ====================================================================  =====  ====  =====
+
     ``stats`` gives the second image's ``gain`` (its exposure over the first's) and ``shift_y``, ``shift_x`` (pixels),
     and ``misfit``: power of the difference over what noise leaves, 1 where all is well; what is above widens the
     interval. The interval is what the two images' noise allows; of the tables' errors it counts placement and

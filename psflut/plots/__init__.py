@@ -1,0 +1,8 @@
+"""Figures, a topic a file: results in, Figure out. One look, units on every axis."""
+
+from psflut.plots.estimates import curve, curves
+from psflut.plots.images import page, pictures
+from psflut.plots.look import COLOURS, Plot, save
+from psflut.plots.tables import psfs, ranges
+
+__all__ = ["COLOURS", "Plot", "curve", "curves", "page", "pictures", "psfs", "ranges", "save"]

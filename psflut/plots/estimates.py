@@ -1,0 +1,63 @@
+"""Figures of estimates: what a method made of every candidate distance."""
+
+from collections.abc import Mapping, Sequence
+from textwrap import fill
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from psflut.estimation import Estimate, Outcome
+from psflut.plots.look import COLOURS, INK, TRUTH, Plot, styled
+
+LOWEST_LOG = -60.0
+"""Nats below its peak to which a log density is shown."""
+
+
+@styled
+def curves(results: Mapping[str, Sequence[Estimate]], truths: Sequence[float]) -> Figure:
+    """What every method (rows) made of every candidate distance, for captures at `truths` (columns, metres).
+
+    With one capture the methods stand side by side instead.
+    """
+    shape = (len(results), len(truths)) if len(truths) > 1 else (1, len(results))
+    figure = Plot(figsize=(3.2 * shape[1], 1.8 * shape[0] + 0.8), layout="constrained")
+    grid = figure.subplots(*shape, squeeze=False)
+    for row, (colour, (method, estimates)) in enumerate(zip(COLOURS, results.items(), strict=False)):
+        for column, (found, truth) in enumerate(zip(estimates, truths, strict=True)):
+            axis = grid[row, column] if len(truths) > 1 else grid[0, row]
+            curve(axis, found, colour)
+            axis.axvline(truth, color=TRUTH, lw=1, ls="--", label="truth")
+            axis.set_title(f"{method}, object at {truth:g} m")
+    for axis in grid[-1]:
+        axis.set_xlabel("distance (m)")
+    handles, labels = grid[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=3)
+    return figure
+
+
+def curve(axis: Axes, found: Estimate, colour: str) -> None:
+    """One method's curve or samples, with its estimate and interval, into an Axes."""
+    near, far = found.interval
+    axis.axvspan(near, far, color=colour, alpha=0.2, lw=0, label=f"{found.level:.0%} interval")
+    axis.axvline(found.distance, color=colour, lw=1.5, label="estimate")
+    axis.xaxis.set_major_locator(MaxNLocator(4))
+    if "distances" in found.detail:
+        samples = found.detail["distances"]
+        axis.hist(samples, bins=60, density=True, color=colour, alpha=0.8)
+        reach = max(1.2 * (far - near), 1e-3)
+        span = np.array([found.distance - reach, found.distance + reach])
+        axis.set(ylabel="density (1/m)", xlim=np.clip(span, samples.min() - 0.1 * reach, samples.max() + 0.1 * reach))
+    elif found.curve is not None and found.curve.label.startswith("log"):
+        values = found.curve.value - np.max(found.curve.value)
+        axis.plot(found.curve.position, values, color=colour, lw=1.2)
+        axis.set(ylabel=fill(found.curve.label, 18), ylim=(1.1 * max(np.min(values), LOWEST_LOG), 0.5))
+    elif found.curve is not None:
+        order = np.argsort(found.curve.position)
+        axis.plot(found.curve.position[order], found.curve.value[order], color=colour, lw=1.2, marker=".", ms=2)
+        axis.set(ylabel=fill(found.curve.label, 18))
+        if np.min(found.curve.value) > 0:
+            axis.set_yscale("log")
+    if found.outcome is not Outcome.OK:
+        axis.text(0.02, 0.95, found.outcome.name.lower(), transform=axis.transAxes, va="top", color=INK)

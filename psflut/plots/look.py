@@ -1,0 +1,62 @@
+"""What all figures share: fonts, colours that colour-blind readers tell apart, and how they are shown and saved."""
+
+import io
+from collections.abc import Callable
+from functools import wraps
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+from matplotlib.figure import Figure
+
+from psflut.files import staged
+
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+"""Of Okabe and Ito, in the order in which methods take them."""
+
+TRUTH, INK = "#222222", "#444444"
+LOOK: Any = {
+    "font.family": "sans-serif",
+    "font.size": 9,
+    "axes.titlesize": 9,
+    "axes.labelsize": 9,
+    "axes.edgecolor": INK,
+    "axes.labelcolor": INK,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "legend.frameon": False,
+    "figure.dpi": 120,
+    "savefig.dpi": 160,
+    "image.cmap": "gray",
+}
+
+
+class Plot(Figure):
+    """A Figure that shows itself in a notebook, whether or not pyplot was ever imported."""
+
+    def _repr_png_(self) -> bytes:
+        buffer = io.BytesIO()
+        with mpl.rc_context(LOOK):
+            self.savefig(buffer, format="png", dpi=110, metadata={"Software": None})
+        return buffer.getvalue()
+
+
+def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
+    """Draw a figure in the shared look."""
+
+    @wraps(draw)
+    def wrapper(*args: Any, **kwargs: Any) -> Figure:
+        with mpl.rc_context(LOOK):
+            return draw(*args, **kwargs)
+
+    return wrapper
+
+
+def save(figure: Figure, path: Path, overwrite: bool = True) -> None:
+    """Write a figure whole or not at all; without a date, so the same figure gives the same bytes."""
+    kind = path.suffix.lstrip(".").lower()
+    metadata = {"CreationDate": None} if kind == "pdf" else {"Software": None}
+    with mpl.rc_context(LOOK), staged(path, overwrite) as stage:
+        figure.savefig(stage, format=kind, metadata=metadata)

@@ -43,6 +43,8 @@ class Bank:
     light, doubt : (M, W, W) arrays
         L^2 * h, which photon noise follows, and L^2 * psf_std^2, in whole pixels. No light where L is 1: it is what is
         shown.
+    modes : (J, M, F, F) array
+        L * the modes of the table, sampled as `shown` is.
     """
 
     even: Floats
@@ -50,11 +52,12 @@ class Bank:
     shown: Images
     light: Images | None
     doubt: Images
+    modes: Images
 
     def part(self, which: slice) -> "Bank":
         """Some of the candidates."""
         light = None if self.light is None else self.light[which]
-        return Bank(self.even[which], self.width, self.shown[which], light, self.doubt[which])
+        return Bank(self.even[which], self.width, self.shown[which], light, self.doubt[which], self.modes[:, which])
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,10 +79,12 @@ class Fit:
 def bank(table: PSFTable, imager: Imager, count: int) -> Bank:
     """The bank of a table, kept for the next point."""
     even = np.sort(table.even(table.candidates(count)))
-    planes = table.at(np.clip(table.position(even), *table.span))
+    positions = np.clip(table.position(even), *table.span)
+    planes, kernel = table.at(positions), imager.kernel()
     width = table.size + 2 * max(4, table.size // 6)
-    fine = finer(planes, FACTOR, width + 2 * SLACK)
-    kernel = imager.kernel()
+    fine, *modes = (
+        _filtered(finer(each, FACTOR, width + 2 * SLACK), kernel) for each in (planes, *table.modes_at(positions))
+    )
     border = [(0, 0), *[((width - table.size) // 2,) * 2] * 2]
 
     def spread(variance: Floats) -> Images:
@@ -87,12 +92,13 @@ def bank(table: PSFTable, imager: Imager, count: int) -> Bank:
         return np.asarray(ndimage.convolve(padded, kernel[None] ** 2, mode="constant"), np.float32)
 
     light = spread(planes) if kernel.size > 1 else None
-    return Bank(even, width, _filtered(fine, kernel), light, spread(_doubt(table, even)))
+    return Bank(even, width, fine, light, spread(_doubt(table, even)), np.array(modes).reshape(-1, *fine.shape))
 
 
 def fit(window: Floats, bank: Bank, noise: Noise, signed: bool) -> Fit:
-    """Fit g(x) = b + a (L * h_z)(x - c) to a window, for every candidate z.
+    """Fit g(x) = b + a (L * h_z)(x - c) to a window, for every candidate z; h_z is the PSF and its modes.
 
+    The modes' factors have a standard normal prior and are integrated over with the rest.
     Noise is Gaussian, its variance read^2 + (L^2 * light) / gain + a^2 (L^2 * psf_std^2) as the best candidate has it,
     one for all: with a variance of its own, a wrong candidate can explain a point away as noise. The light of the
     background is b less the dark level; a signed imager hides it, and the quieter half of the window tells its noise.
@@ -134,25 +140,32 @@ def _variance(
 
 def _at(g: Images, known: NDArray[np.bool_], bank: Bank, place: Floats, variance: Images) -> Fit:
     """The fit of all candidates, linear in the step from that place. Single precision is a millionth of the light."""
-    columns = _columns(bank, place, known)
+    columns, terms = _columns(bank, place, known), len(bank.modes)
     weighted = columns / variance
     information = (weighted @ columns.transpose(0, 2, 1)).astype(float)
-    inverse = np.linalg.inv(information)
-    theta = np.einsum("mij,mj->mi", inverse, weighted @ g)
-    theta[:, 0] = np.maximum(theta[:, 0], np.sqrt(inverse[:, 0, 0]))  # light is positive; ln a has to begin somewhere
+    told = (weighted @ g).astype(float)
+    alone = np.linalg.inv(information[:, :4, :4])
+    flux = np.einsum("mj,mj->m", alone[:, 0], told[:, :4])  # without modes, whose spread is a share of it
+    flux = np.maximum(flux, np.sqrt(alone[:, 0, 0]))  # light is positive; ln a has to begin somewhere
+    prior = np.zeros_like(told)
+    prior[:, 4:] = flux[:, None] ** -2
+    information += prior[:, None] * np.eye(4 + terms)
+    theta = np.linalg.solve(information, told[..., None])[..., 0]
+    theta[:, 0] = np.maximum(theta[:, 0], np.sqrt(alone[:, 0, 0]))
     left = g - (theta[:, None].astype(np.float32) @ columns)[:, 0]
-    squares = np.sum(left**2 / variance, axis=1, dtype=float)
+    squares = np.sum(left**2 / variance, axis=1, dtype=float) + np.sum(prior * theta**2, axis=1)
     best = int(np.argmin(squares))
     misfit = float(squares[best] / max(len(g) - 5, 1))
-    occam = 0.5 * np.linalg.slogdet(information)[1] + 3 * np.log(theta[:, 0])
+    occam = 0.5 * np.linalg.slogdet(information)[1] + 3 * np.log(theta[:, 0]) + terms * np.log(flux)
     log = -0.5 * squares / max(misfit, 1.0) - occam
-    return Fit(log, theta[:, 0], theta[:, 1], place + theta[best, 2:] / theta[best, 0], misfit)
+    return Fit(log, theta[:, 0], theta[:, 1], place + theta[best, 2:4] / theta[best, 0], misfit)
 
 
 def _columns(bank: Bank, place: Floats, known: NDArray[np.bool_]) -> Images:
-    """(M, 4, n) what a unit of flux, of level, and of flux times a step down and right, does to the pixels."""
+    """(M, 4 + J, n) what flux, level, flux times a step down and right, and modes do to pixels, by the unit."""
     value, down, right = (part[:, known] for part in _values(bank.shown, place, bank.width))
-    return np.stack([value, np.ones_like(value), down, right], axis=1)
+    modes = (_values(mode, place, bank.width)[0][:, known] for mode in bank.modes)
+    return np.stack([value, np.ones_like(value), down, right, *modes], axis=1)
 
 
 def _values(fine: Images, place: Floats, width: int) -> tuple[Images, Images, Images]:

@@ -34,10 +34,12 @@ SHIPPED = (Path(__file__).parent / "tables", Path(__file__).parent.parent / "tab
 
 PLANES, AXIS = ("distance", "y", "x"), ("distance",)
 ARRAYS = {"psf": PLANES, "distance": AXIS, "y": ("y",), "x": ("x",), "psf_std": PLANES, "distance_std": AXIS}
-OPTIONAL = ("psf_std", "distance_std")
+ARRAYS["psf_modes"] = ("mode", *PLANES)
+OPTIONAL = ("psf_std", "distance_std", "psf_modes")
 LONG_NAMES = {
     "psf": "point spread function",
     "psf_std": "standard error of the point spread function",
+    "psf_modes": "what PSFs differ by from point to point, a standard deviation each",
     "distance": "object distance",
     "distance_std": "standard error of the distance",
     "y": "offset from the centre on the detector, down",
@@ -124,12 +126,12 @@ def _write_group(table: PSFTable, folder: Path) -> None:
     arrays = _arrays(table)
     group = zarr.create_group(LocalStore(folder), zarr_format=3)
     for name, values in arrays.items():
-        planes = ARRAYS[name] == PLANES
+        planes = ARRAYS[name][-3:] == PLANES
         array = group.create_array(
             name,
             shape=values.shape,
             dtype=values.dtype,
-            chunks=(1, *values.shape[1:]) if planes else values.shape,
+            chunks=(*[1] * (values.ndim - 2), *values.shape[-2:]) if planes else values.shape,
             compressors=(BloscCodec(cname="zstd", shuffle="shuffle"), Crc32cCodec()),
             fill_value=np.nan,
             dimension_names=ARRAYS[name],
@@ -139,8 +141,8 @@ def _write_group(table: PSFTable, folder: Path) -> None:
             },
         )
         if planes:
-            for index, plane in enumerate(values):
-                array[index] = plane
+            for index in np.ndindex(values.shape[:-2]):
+                array[index] = values[index]
         else:
             array[:] = values
     attributes = _attributes(table)
@@ -159,6 +161,8 @@ def _arrays(table: PSFTable) -> dict[str, NDArray[Any]]:
     }
     if table.psf_std is not None:
         arrays["psf_std"] = table.psf_std.astype("<f4")
+    if table.psf_modes is not None:
+        arrays["psf_modes"] = table.psf_modes.astype("<f4")
     if table.axis_std is not None:
         arrays["distance_std"] = table.axis_std.astype("<f8")
     return arrays
@@ -240,6 +244,7 @@ def _table(attributes: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) ->
         noise=Noise(**attributes["noise"]) if attributes["noise"] else None,
         psf_std=None if std is None else std.astype(np.float64),
         axis_std=arrays.get("distance_std"),
+        psf_modes=arrays["psf_modes"].astype(np.float64) if "psf_modes" in arrays else None,
         provenance=attributes["provenance"],
         check=attributes["check"],
     )

@@ -47,6 +47,9 @@ class PSFTable:
         What the captures of this set-up went through, `family.parse` text and `Noise` or None.
     psf_std, axis_std : arrays or None
         Standard errors of `psf` and of `axis` (metres), of the same shapes.
+    psf_modes : (J, N, K, K) array or None
+        How PSFs differ from point to point, over the field say: a point's own is `psf` plus the modes, each times a
+        standard normal number that is the same at all distances.
     provenance, check : mappings
         What made the table, and its held-out error; plain JSON.
 
@@ -65,6 +68,7 @@ class PSFTable:
     noise: Noise | None = None
     psf_std: Floats | None = None
     axis_std: Floats | None = None
+    psf_modes: Floats | None = None
     provenance: Mapping[str, Any] = field(default_factory=dict)
     check: Mapping[str, Any] | None = None
 
@@ -87,6 +91,9 @@ class PSFTable:
         for errors, values in ((self.psf_std, self.psf), (self.axis_std, self.axis)):
             if errors is not None and (errors.shape != values.shape or not np.all(errors >= 0)):
                 raise PsflutError("standard errors of a table must be non-negative and shaped like their values")
+        modes = self.psf_modes
+        if modes is not None and (modes.shape[1:] != self.psf.shape or not np.all(np.isfinite(modes))):
+            raise PsflutError("modes of a table must be finite and each shaped like its PSFs")
         if not (np.isfinite(self.pixel_pitch) and self.pixel_pitch > 0):
             raise PsflutError(f"pixel_pitch must be a positive length, got {self.pixel_pitch} m")
 
@@ -124,6 +131,14 @@ class PSFTable:
         values = self._inside(position)
         planes = np.maximum(self._spline(self.even(values)), 0.0)
         return np.asarray(planes / planes.sum(axis=(-2, -1), keepdims=True))
+
+    def modes_at(self, position: ArrayLike) -> Floats:
+        """Modes at positions (M,) within the span (metres): shape (J, M, K, K), J = 0 where the table has none."""
+        values = self.even(self._inside(position))
+        if self.psf_modes is None:
+            return np.zeros((0, *values.shape, self.size, self.size))
+        order = np.argsort(self.even(self.axis))
+        return np.asarray(CubicSpline(self.even(self.axis)[order], self.psf_modes[:, order], axis=1)(values))
 
     def derivative(self, position: ArrayLike) -> Floats:
         """d PSF / d position, per metre, of the spline before clipping: shape (..., K, K)."""

@@ -19,7 +19,7 @@ FLOORS = [  # from the roof to the cellar; a module imports from lower floors on
     {"calib.calibrate"},
     {"calib.assess"},
     {"calib.check", "calib.drift", "calib.fill"},
-    {"calib.build", "calib.nearest", "calib.placement", "calib.ranges"},
+    {"calib.build", "calib.modes", "calib.nearest", "calib.placement", "calib.ranges"},
     {"calib.recipe", "calib.captures"},
     {"calib.targets", "calib.manifest", "calib.photons"},
     {"calib.pupil_fit", "calib.alignment", "calib.noise_target"},

@@ -27,7 +27,7 @@ FLOORS = [  # from the roof to the cellar; a module imports from lower floors on
     {"calib.registration", "calib.known_scene"},
     {"calib.polar"},
     {"psflut.estimators"},
-    {"psflut.joint", "psflut.jointbound"},
+    {"psflut.joint", "psflut.jointbound", "psflut.chain"},
     {"psflut.fused"},
     {"psflut.crossed", "psflut.grid", "psflut.pointfit"},
     {"psflut.candidates"},
@@ -45,7 +45,7 @@ FLOORS = [  # from the roof to the cellar; a module imports from lower floors on
     {"psflut.errors"},
     {"psflut", "calib"},
 ]
-DOORS = {"zarr": {"psflut.store"}, "emcee": {"psflut.estimators.posterior"}, "matplotlib": {"psflut.plots"}}
+DOORS = {"zarr": {"psflut.store"}, "emcee": {"psflut.chain"}, "matplotlib": {"psflut.plots"}}
 LAZY = {"emcee", "matplotlib", "skimage", "imageio", "tifffile", "tqdm"}
 
 

@@ -28,7 +28,7 @@ Floats = NDArray[np.float64]
 
 LEVELS = (0.68, 0.95)
 SHARES = (1.0, 0.75, 0.57, 0.43, 0.33)
-SIDE, NOISE, DISTANCES, PATCHES, CANDIDATES = 128, Noise(0.005), 24, 1, 100
+SIDE, NOISE, DISTANCES, PATCHES, CANDIDATES = 128, Noise(0.005), 24, 1, 200
 
 
 class Trial(NamedTuple):

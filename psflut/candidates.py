@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 
 from psflut import evidence
 from psflut.evidence import Bank
-from psflut.laplace import Fit, integrate
+from psflut.laplace import HOPELESS, Fit, integrate
 
 Floats = NDArray[np.float64]
 
-PARTS, DOUBT = 3, 200.0
-"""Of a step between candidates, at each of the two levels over the whole table; at the second, only where a neighbour
-is no more than so many nats below the best. A strong texture's peak may lie between two candidates: of 576 patches 2
-had it 120 nats above both."""
+FEW, PARTS, DOUBT = 3, 3, 200.0
+"""First the table is in so many parts; they are cut so that two more cuts in `PARTS` make steps of two of the bank's.
+The last is done only where a neighbour is no more than so many nats below the best: a strong texture's peak may lie
+between two candidates, and of 576 patches 2 had it 120 nats above both."""
 
 MORE, DEPTH = 48, 20.0
 """Candidates that are added where the log evidence is no more than so many nats below its peak."""
@@ -54,7 +54,10 @@ def solve_all(power: Floats, noise: Floats, bank: Bank) -> list[Solution]:
         Candidates ascend in the even coordinate, more of them where they are likely.
     """
     batch = _Batch(power, noise, bank, np.ones(len(power)))
-    rows = batch.finer(batch.finer(batch.coarse(), PARTS, np.inf), PARTS, DOUBT)
+    few = max(2, round((len(bank.even) - 1) / (2 * FEW * PARTS**2)))
+    rows = batch.finer(batch.coarse(), few, np.inf)
+    rows = batch.finer(batch.finer(rows, PARTS, np.inf), PARTS, DOUBT)
+    rows = batch.finer(rows, 2 * PARTS, 0.0)  # a step beside a sharp peak the misfit is too large
     misfit = batch.misfit(rows)
     batch = replace(batch, share=evidence.discount(misfit, bank.prior))
     rows = batch.finer(batch.again(rows), None, DEPTH)
@@ -98,11 +101,10 @@ class _Batch:
     share: Floats
 
     def coarse(self) -> _Rows:
-        """So few candidates that two levels of `PARTS` make them as many as the bank's, and never under four."""
-        few, count = max(4, -(-(len(self.bank.even) - 1) // PARTS**2) + 1), len(self.power)
-        even = np.linspace(self.bank.even.min(), self.bank.even.max(), few)
+        """The ends of `FEW` equal parts of the table for every patch."""
+        even, count = np.linspace(self.bank.even.min(), self.bank.even.max(), FEW + 1), len(self.power)
         attenuation = np.tile(self.bank.at(even), (count, 1))
-        return self._rows(np.repeat(np.arange(count), few), np.tile(even, count), attenuation, None)
+        return self._rows(np.repeat(np.arange(count), len(even)), np.tile(even, count), attenuation, None)
 
     def finer(self, rows: _Rows, parts: int | None, depth: float) -> _Rows:
         """The rows, and others between neighbours of which one is no more than `depth` nats below its patch's best.
@@ -110,7 +112,7 @@ class _Batch:
         Each gap is cut in so many parts; None cuts it in as many as make `MORE` candidates of all that a patch gets.
         """
         best = np.maximum.reduceat(rows.log_evidence, rows.first)
-        likely = rows.log_evidence > best[rows.patch] - depth
+        likely = rows.log_evidence >= best[rows.patch] - depth
         gaps = np.flatnonzero((likely[:-1] | likely[1:]) & (rows.patch[:-1] == rows.patch[1:]))
         owner = rows.patch[gaps]
         added = MORE // np.bincount(owner)[owner] if parts is None else np.full(len(gaps), parts - 1)
@@ -124,11 +126,18 @@ class _Batch:
         return _Rows(*(np.concatenate(pair)[order] for pair in zip(rows, more, strict=True)))
 
     def again(self, rows: _Rows) -> _Rows:
-        """The rows, those of patches whose shapes count for less worked out anew."""
-        changed = self.share[rows.patch] < 1
+        """The rows of patches whose shapes count for less, worked out anew.
+
+        Hopeless ones keep their spectra, and their log evidence beside the best counts for as much less.
+        """
+        best = rows.first + np.array([part.argmax() for part in np.split(rows.log_evidence, rows.first[1:])])
+        share, below = self.share[rows.patch], rows.log_evidence - rows.log_evidence[best][rows.patch]
+        changed = (share < 1) & (share * below > -HOPELESS)
         new = self._rows(rows.patch[changed], rows.even[changed], rows.attenuation[changed], rows.theta[changed])
         for column, values in zip(rows, new, strict=True):
             column[changed] = values
+        left = (share < 1) & ~changed
+        rows.log_evidence[left] = (rows.log_evidence[best][rows.patch] + share * below)[left]
         return rows
 
     def misfit(self, rows: _Rows) -> Floats:

@@ -23,7 +23,7 @@ NEWTON_STEPS, TOLERANCE = 100, 1e-2
 HOPELESS = 60.0
 """Or where it is so many nats below the patch's best, and ten times what the step promises would not mend that."""
 
-LEAST_CURVATURE, LONGEST_STEP = 0.2, 1.5
+LEAST_CURVATURE, LONGEST_STEP = 0.2, 3.0
 """Of a Newton step: share of Fisher's information, and nats of ln S at any annulus; the quadratic model reaches no
 further."""
 

@@ -42,7 +42,7 @@ class Posterior(AbstractEstimator):
     steps: int = 4000
     walkers: int = 32
     seed: int = 0
-    candidates: int = 100
+    candidates: int = 200
 
     def __post_init__(self) -> None:
         if self.steps < 1 or self.walkers < 2 or self.walkers % 2 or self.seed < 0:

@@ -18,10 +18,11 @@ class Wiener(AbstractEstimator):
     Parameters
     ----------
     candidates : int
-        Distances over the table's span, evenly in vergence.
+        Distances over the table's span, evenly in vergence, at which the optics' transfer is worked out. Splines serve
+        between them: 100 moved an interval's end by up to half its sigma, 200 by 0.06.
     """
 
-    candidates: int = 100
+    candidates: int = 200
 
     def solve(self, problem: Problem) -> Estimate:
         """See `AbstractEstimator`."""

@@ -62,7 +62,7 @@ def captures(table):
 def read(table, side):
     """Truth, median, and ends of the 95 and 68 % intervals, (n,) metres each."""
     rings = annuli((side, side))
-    first = evidence.bank(table, (side, side), Plain(), priors()[0], 100)
+    first = evidence.bank(table, (side, side), Plain(), priors()[0], 200)
     noise, cut = evidence.noise_power(first, NOISE, 0.0), (128 - side) // 2
     rows = []
     for k, distance, image in captures(table):

@@ -27,7 +27,7 @@ FLOORS = [  # from the roof to the cellar; a module imports from lower floors on
     {"calib.registration", "calib.known_scene"},
     {"calib.polar"},
     {"psflut.estimators"},
-    {"psflut.joint", "psflut.jointbound", "psflut.chain"},
+    {"psflut.joint", "psflut.jointbound", "psflut.chain", "psflut.budget"},
     {"psflut.fused"},
     {"psflut.crossed", "psflut.grid", "psflut.pointfit"},
     {"psflut.candidates"},

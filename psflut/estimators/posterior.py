@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from psflut.budget import budget
 from psflut.chain import Chain, sample
 from psflut.density import Density, Mode, interval_of, mirrored, tails
 from psflut.errors import PsflutError
@@ -76,6 +77,7 @@ class Posterior(AbstractEstimator):
             stats=stats
             | {
                 "misfit": found.misfit,
+                "budget": budget(found, problem.table, modes[0].distance),
                 "autocorrelation_time": float(np.max(chain.times)),
                 "effective_samples": float(even.size / chain.times[0]),
                 "standard_deviation": float(drawn.std()),

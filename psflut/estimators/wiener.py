@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from psflut.budget import budget
 from psflut.estimation import AbstractEstimator, Curve, Estimate, Problem, judge
 from psflut.grid import grid, restored
 
@@ -14,6 +15,8 @@ class Wiener(AbstractEstimator):
     and log-determinant of the restored patch together are the log evidence of `psflut.evidence`, which needs
     no restored pixels. Only the winner's patch is restored and kept in ``detail["restored"]``: the ideal
     image, as the imager would see it without blur.
+
+    ``stats`` gives the ``misfit`` (`evidence.misfit`) and the error ``budget`` (`psflut.budget`).
 
     Parameters
     ----------
@@ -37,6 +40,6 @@ class Wiener(AbstractEstimator):
             outcome=outcome,
             modes=modes,
             curve=Curve(positions, found.fit.log_evidence, "log evidence"),
-            stats={**stats, "misfit": found.misfit},
+            stats={**stats, "misfit": found.misfit, "budget": budget(found, problem.table, modes[0].distance)},
             detail={"restored": restored(problem, found, modes[0].distance)},
         )

@@ -48,7 +48,7 @@ class Pattern(Target):
     changes the size by some per cent, and the direction by some degrees. Such a reference holds one
     integration over a pixel, as the frame does; the PSF is given with its own. Where the reference is blurred, the PSF
     is what must be added to that blur; where it is noisy, or holds detail finer than its pixels, the PSF comes
-    out too wide and the standard errors too small (an errors-in-variables problem).
+    out too wide and the standard errors too small near focus (an errors-in-variables problem).
 
     Standard errors count the noise, what the smoothness hides, and what is left open of light and map.
 
@@ -57,6 +57,12 @@ class Pattern(Target):
 
     Measured on the page at its true size through an f/2 lens, 20 distances of 0.6 to 9.5 pixels of blur radius, two
     12-bit frames each: summed |error| 0.007 to 0.023, mean 0.011, and errors 1.1 times the stated ones.
+
+    By a sharp frame: 0.03 down to a radius of 4 pixels, 0.05 to 0.07 at 3.4 to 2, 0.08 at 1.1, with errors 0.4 to 1.4
+    times the stated ones; at 0.6 pixels 0.27 and 2.7 times, where it is of no use. There, with the scene known five
+    times as finely in its place, 0.08 and 1.0 times; with a frame free of noise, still 0.26: what folds at the
+    reference's pixels is the limit, not noise nor smoothness. Leaving out all beyond 0.25, 0.3, 0.35 or 0.4 cycles a
+    pixel, where it folds, made it 0.44 to 0.51 instead of 0.33, without waves. So near focus take the page.
 
     Parameters
     ----------

@@ -59,7 +59,7 @@ class Pattern(Target):
     12-bit frames each: summed |error| 0.007 to 0.023, mean 0.011, and errors 1.1 times the stated ones.
 
     By a sharp frame: 0.03 down to a radius of 4 pixels, 0.05 to 0.07 at 3.4 to 2, 0.08 at 1.1, with errors 0.4 to 1.4
-    times the stated ones; at 0.6 pixels 0.27 and 2.7 times, where it is of no use. There, with the scene known five
+    (once 0.1) times the stated ones; at 0.6 pixels 0.27 and 2.7 times, so of no use. There, with the scene known five
     times as finely in its place, 0.08 and 1.0 times; with a frame free of noise, still 0.26: what folds at the
     reference's pixels is the limit, not noise nor smoothness. Leaving out all beyond 0.25, 0.3, 0.35 or 0.4 cycles a
     pixel, where it folds, made it 0.44 to 0.51 instead of 0.33, without waves. So near focus take the page.

@@ -80,10 +80,15 @@ def spread(
     order = np.argsort(places)
 
     def total(even: Floats) -> Floats:
-        parts = placement(table, even), between(table, even), np.interp(even, places[order], sd[order])
+        parts = along(table, even), np.interp(even, places[order], sd[order])
         return np.asarray(np.minimum(np.linalg.norm(parts, axis=0), np.ptp(bank.even)))
 
     return total
+
+
+def along(table: PSFTable, even: Floats) -> Floats:
+    """Error of the table's positions and of interpolation between them, which every way of reading it has."""
+    return np.hypot(placement(table, even), between(table, even))
 
 
 def placement(table: PSFTable, even: Floats) -> Floats:

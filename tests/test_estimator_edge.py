@@ -1,5 +1,7 @@
 """Distances from straight edges. Captures come from the pupil model at distances that the table does not hold."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from test_target_edge import SIDE, blurred, line, quartered, shot
@@ -38,6 +40,13 @@ def test_four_edges_tell_more_than_one(lab16mm):
     assert np.ptp(four.interval) < np.ptp(one.interval)
     assert four.stats["edges"] == 4
     assert four.distance == pytest.approx(1.5, rel=0.005)
+
+
+def test_errors_of_placement_add_to_the_interval(lab16mm):
+    unsure = replace(lab16mm, axis_std=0.005 * lab16mm.axis**2)  # 0.005 / m in vergence
+    sharp, wide = (estimate(seen(line(8), 1.5, 0), table, "edge") for table in (lab16mm, unsure))
+    widths = [1 / each.interval[0] - 1 / each.interval[1] for each in (sharp, wide)]
+    assert widths[1] == pytest.approx(np.hypot(widths[0], 2 * 1.96 * 0.005), rel=0.05)
 
 
 def test_a_patch_without_an_edge_is_flat(lab16mm, rng):

@@ -77,11 +77,21 @@ def test_intervals_cover_the_truth_at_their_level(table):
 
 
 def test_errors_of_the_table_widen_the_interval(table, rng):
-    image = taken(light(1.6), rng)
-    unsure = replace(table, psf_std=np.full(table.psf.shape, 0.03 * table.at(1.6).max()))
+    """At one of its planes, where interpolation adds nothing."""
+    truth = float(table.axis[11])
+    image = taken(light(truth), rng)
+    unsure = replace(table, psf_std=np.full(table.psf.shape, 0.03 * table.at(truth).max()))
     sharp, wide = (estimate(Observation(image, NOISE), each, "point") for each in (table, unsure))
     assert np.ptp(wide.interval) > 2 * np.ptp(sharp.interval)
     assert wide.stats["misfit"] < sharp.stats["misfit"]
+
+
+def test_errors_of_placement_add_to_the_interval(table, rng):
+    image = taken(light(1.6), rng)
+    unsure = replace(table, axis_std=0.005 * table.axis**2)  # 0.005 / m in vergence
+    sharp, wide = (estimate(Observation(image, NOISE), each, "point") for each in (table, unsure))
+    widths = [1 / each.interval[0] - 1 / each.interval[1] for each in (sharp, wide)]
+    assert widths[1] == pytest.approx(np.hypot(widths[0], 2 * 1.96 * 0.005), rel=0.05)
 
 
 def test_a_large_patch_gives_the_same_as_a_small_one(table, rng):

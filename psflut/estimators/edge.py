@@ -2,14 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import cache, lru_cache, partial
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
-from psflut import restore
+from psflut import restore, spread
 from psflut.density import Density
 from psflut.edges import Sampled, Search
 from psflut.estimation import AbstractEstimator, Curve, Estimate, Outcome, Problem, judge
@@ -35,8 +35,8 @@ class Edge(AbstractEstimator):
     distributed with the stated noise, or with more where no distance leaves as little. All edges count together.
 
     A table holds PSFs by the pixel, and what is finer is guessed by a spline: where blur is less than 3 pixels in
-    radius the distance errs by up to a hundredth for that, and intervals do not know it. The table's own errors are
-    not counted either.
+    radius the distance errs by up to a hundredth for that, and intervals do not know it. Of the table's own errors
+    those of its positions are counted and those between its planes, not those of its pixels.
 
     No texture prior is needed, so that an edge says several times as much as its surroundings do. A patch without
     a straight edge is FLAT. ``stats`` holds the number of edges and ``misfit``, the power of what is left over
@@ -56,7 +56,8 @@ class Edge(AbstractEstimator):
         edges, _ = Search().edges(np.asarray(problem.image), problem.table.size, problem.imager)
         positions = problem.table.candidates(self.candidates)
         log, misfit = _log_likelihood(problem, edges, positions)
-        density = Density(problem.table.even(positions), log, problem.table.position)
+        exact = Density(problem.table.even(positions), log, problem.table.position)
+        density = exact.widened(partial(spread.along, problem.table))
         outcome, stats = judge(density) if edges else (Outcome.FLAT, {})
         modes = density.modes()
         ratio = problem.noise.read**2 / max(float(np.var(problem.image)), 1e-30)

@@ -1,14 +1,14 @@
 """Distance of a lone bright point: star, bead, lamp."""
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from psflut import pointfit
+from psflut import pointfit, spread
 from psflut.density import Density
 from psflut.estimation import AbstractEstimator, Curve, Estimate, Outcome, Problem, judge, nothing_to_see
 from psflut.imagers import Imager
@@ -49,7 +49,8 @@ class Point(AbstractEstimator):
             return nothing_to_see(problem)
         window = _window(problem.image, place, bank.width)
         found = pointfit.fit(window, bank, problem.noise, problem.imager.signed)
-        density = Density(bank.even, found.log_evidence, problem.table.position)
+        exact = Density(bank.even, found.log_evidence, problem.table.position)
+        density = exact.widened(partial(spread.along, problem.table))
         outcome, stats = judge(density)
         modes = density.modes()
         best = int(np.argmin(np.abs(bank.even - problem.table.even(modes[0].distance))))

@@ -124,7 +124,7 @@ def shared(stack):
 def test_one_shared_table_with_modes(stack, shared, own):
     """The same table for all particles, with the modes in which they differ: the bar of 1.0 um over all answers holds.
 
-    Then every particle is read with the modes of the others, as one that calibration never saw: the control.
+    Then every particle is read with the modes of the others, the control: of itself only a tenth of the mean knows.
     """
     _, repeats, places = stack
     modes = [with_modes(shared, own, MODES)] * len(own)

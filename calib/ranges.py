@@ -5,15 +5,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from psflut.limits import GOOD, runs
 from psflut.table import PSFTable
 
 Floats = NDArray[np.float64]
 
 SNR = 30.0
 """Of the point that stands before the camera: the root of its image's energy over the noise of a pixel."""
-
-GOOD = 0.05
-"""Standard error up to which a range is good: of the distance, or on a stage axis of the span."""
 
 COUNT = 101
 """Positions that are looked at."""
@@ -72,15 +70,8 @@ def ranges(table: PSFTable, snr: float = SNR) -> dict[str, Any]:
         "snr": snr,
         "good_below": GOOD,
         "of": "the distance" if table.kind == "distance" else "the span",
-        "good_m": _runs(positions, good),
-        "blind_m": _runs(positions, ~good),
+        "good_m": runs(positions, good),
+        "blind_m": runs(positions, ~good),
         "positions_m": positions.tolist(),
         "std_m": [float(each) if np.isfinite(each) else None for each in std],
     }
-
-
-def _runs(positions: Floats, which: NDArray[np.bool_]) -> list[list[float]]:
-    """[first, last] of every unbroken run; runs meet half way between two positions."""
-    cuts = np.r_[0, np.flatnonzero(np.diff(which)) + 1, len(which)]
-    borders = np.r_[positions[0], 0.5 * (positions[cuts[1:-1] - 1] + positions[cuts[1:-1]]), positions[-1]]
-    return [[float(borders[n]), float(borders[n + 1])] for n in range(len(cuts) - 1) if which[cuts[n]]]

@@ -2,7 +2,8 @@
 
 from psflut.plots.estimates import curve, curves
 from psflut.plots.images import page, pictures
+from psflut.plots.limits import limits
 from psflut.plots.look import COLOURS, Plot, save
 from psflut.plots.tables import psfs, ranges
 
-__all__ = ["COLOURS", "Plot", "curve", "curves", "page", "pictures", "psfs", "ranges", "save"]
+__all__ = ["COLOURS", "Plot", "curve", "curves", "limits", "page", "pictures", "psfs", "ranges", "save"]

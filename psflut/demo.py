@@ -14,6 +14,7 @@ from psflut.errors import PsflutError
 from psflut.estimation import Estimate, Observation, estimate, for_any_scene
 from psflut.files import staged
 from psflut.noise import Noise
+from psflut.photographs import shipped
 from psflut.store import read_table
 from psflut.table import PSFTable
 
@@ -65,9 +66,7 @@ def run(folder: Path) -> Iterator[tuple[str, ...]]:
 
 def photograph() -> Floats:
     """A photograph from scikit-image, shrunk two-fold so that its own blur is small: (256, 256)."""
-    from skimage import data, transform
-
-    return np.asarray(transform.downscale_local_mean(data.camera() / 255.0, (2, 2)))
+    return shipped("camera")
 
 
 def _play(act: Act, scene: Floats, folder: Path) -> Iterator[tuple[str, ...]]:

@@ -11,11 +11,16 @@ ROOT = Path(__file__).parent.parent
 
 FLOORS = [  # from the roof to the cellar; a module imports from lower floors only
     {"psflut.cli"},
+    {"psflut.cli.shots"},
     {"psflut.cli.console", "psflut.cli.options"},
     {"psflut.demo", "calib.textures"},
     {"psflut.plots", "calib.efficiency"},
     {"psflut.plots.estimates", "psflut.plots.images", "psflut.plots.limits", "psflut.plots.tables"},
     {"psflut.plots.look"},
+    {"psflut.compare"},
+    {"psflut.cluster", "psflut.workers", "psflut.journal", "psflut.results", "psflut.scores"},
+    {"psflut.trial"},
+    {"psflut.shots", "psflut.photographs"},
     {"calib.calibrate"},
     {"calib.assess"},
     {"calib.check", "calib.drift", "calib.fill"},
@@ -45,8 +50,8 @@ FLOORS = [  # from the roof to the cellar; a module imports from lower floors on
     {"psflut.errors"},
     {"psflut", "calib"},
 ]
-DOORS = {"zarr": {"psflut.store"}, "emcee": {"psflut.chain"}, "matplotlib": {"psflut.plots"}}
-LAZY = {"emcee", "matplotlib", "skimage", "imageio", "tifffile", "tqdm"}
+DOORS = {"zarr": {"psflut.store", "psflut.results"}, "emcee": {"psflut.chain"}, "matplotlib": {"psflut.plots"}}
+LAZY = {"emcee", "matplotlib", "skimage", "imageio", "tifffile", "tqdm", "distributed", "threadpoolctl"}
 
 
 def modules():

@@ -3,15 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-from skimage import color, data, transform
 
 from psflut import capture
 from psflut.noise import Noise
-
-NAMES = (
-    "astronaut", "brick", "camera", "chelsea", "coffee", "coins", "grass",
-    "gravel", "hubble_deep_field", "moon", "retina", "rocket", "stereo_motorcycle",
-)  # fmt: skip
+from psflut.photographs import SHIPPED
+from psflut.photographs import shipped as sharp
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,20 +20,11 @@ class Patch:
     noise: Noise
 
 
-def sharp(name):
-    """The photograph as it is, in grey, full scale 1, shrunk two-fold."""
-    picture = getattr(data, name)()
-    picture = (picture[0] if isinstance(picture, tuple) else picture) / 255.0
-    grey = color.rgb2gray(picture) if picture.ndim == 3 else picture
-    height, width = (n - n % 2 for n in grey.shape)
-    return transform.downscale_local_mean(grey[:height, :width], (2, 2))
-
-
 def patches(table, distances, per_capture=1, side=128, noise="0.005", seed=0):
     """Patches at random places of captures of every photograph at every distance (metres)."""
     rng = np.random.default_rng(seed)
     out = []
-    for name in NAMES:
+    for name in SHIPPED:
         scene = sharp(name)
         for distance in distances:
             setup = capture.Setup(noise=noise)

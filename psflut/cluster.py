@@ -9,7 +9,7 @@ from psflut import __version__
 from psflut.errors import PsflutError
 from psflut.trial import Bench, Record, Unit, trial
 
-PATIENCE = 10.0
+PATIENCE = 5.0
 """Seconds in which a scheduler must answer, and have a worker."""
 
 
@@ -34,7 +34,7 @@ def cluster(bench: Bench, units: Sequence[Unit], address: str) -> Iterator[list[
         shared = client.scatter(bench, broadcast=True, hash=False)
         futures = [client.submit(_work, shared, unit, pure=False) for unit in units]
         try:
-            for done in as_completed(futures):
+            for done in as_completed(futures, loop=client.loop):
                 yield done.result()
         except PsflutError:
             raise

@@ -73,13 +73,15 @@ def run(
     By default all methods for any scene see 9 distances x 40 captures of 128 x 128 pixels (posterior 9 x 8), and those
     that can use it are also told the ideal image. blind_rl restores from 12 PSFs over the whole table and reads 100
     candidates between them. This takes some 10 minutes on two cores. DIR gets results.csv, results.zarr, timings.csv,
-    summary.csv and summary.md.
+    summary.csv,
+    summary.md and figures.
     """
     from tqdm import tqdm
 
     from psflut import compare, scores, trial
     from psflut.cli.shots import Encoding, measured, simulated
     from psflut.cluster import cluster
+    from psflut.gallery import draw
     from psflut.store import read_table
     from psflut.workers import cores, local
 
@@ -110,4 +112,5 @@ def run(
         raise
     console.say_what_wins(tabled, noise, imager)
     console.print_rows(scores.words(scores.scores(compare.ordered(records, bench), compare.span_of(tabled))))
-    console.say(f"results.csv, results.zarr, timings.csv and summary.md are in {output}")
+    draw(bench, compare.ordered(records, bench), output / "figures")
+    console.say(f"results.csv, results.zarr, timings.csv, summary.md and figures are in {output}")

@@ -1,9 +1,28 @@
 """Figures, a topic a file: results in, Figure out. One look, units on every axis."""
 
+from psflut.plots.comparison import agreement, relative_errors, reliability, scatter
 from psflut.plots.estimates import curve, curves
 from psflut.plots.images import page, pictures
 from psflut.plots.limits import limits
 from psflut.plots.look import COLOURS, Plot, save
+from psflut.plots.optics import filters, otfs
 from psflut.plots.tables import psfs, ranges
 
-__all__ = ["COLOURS", "Plot", "curve", "curves", "limits", "page", "pictures", "psfs", "ranges", "save"]
+__all__ = [
+    "COLOURS",
+    "Plot",
+    "agreement",
+    "curve",
+    "curves",
+    "filters",
+    "limits",
+    "otfs",
+    "page",
+    "pictures",
+    "psfs",
+    "ranges",
+    "relative_errors",
+    "reliability",
+    "save",
+    "scatter",
+]

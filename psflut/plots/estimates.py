@@ -19,19 +19,21 @@ LOWEST_LOG = -60.0
 def curves(results: Mapping[str, Sequence[Estimate]], truths: Sequence[float]) -> Figure:
     """What every method (rows) made of every candidate distance, for captures at `truths` (columns, metres).
 
-    With one capture the methods stand side by side instead.
+    With one capture the methods stand side by side instead, three in a row.
     """
-    shape = (len(results), len(truths)) if len(truths) > 1 else (1, len(results))
+    shape = (len(results), len(truths)) if len(truths) > 1 else (-(-len(results) // 3), min(len(results), 3))
     figure = Plot(figsize=(3.2 * shape[1], 1.8 * shape[0] + 0.8), layout="constrained")
     grid = figure.subplots(*shape, squeeze=False)
     for row, (colour, (method, estimates)) in enumerate(zip(COLOURS, results.items(), strict=False)):
         for column, (found, truth) in enumerate(zip(estimates, truths, strict=True)):
-            axis = grid[row, column] if len(truths) > 1 else grid[0, row]
+            axis = grid[row, column] if len(truths) > 1 else grid.flat[row]
             curve(axis, found, colour)
             axis.axvline(truth, color=TRUTH, lw=1, ls="--", label="truth")
-            axis.set_title(f"{method}, object at {truth:g} m")
+            axis.set_title(f"{method}, object at {truth:.4g} m")
     for axis in grid[-1]:
         axis.set_xlabel("distance (m)")
+    for axis in grid.flat[len(results) * len(truths) :]:
+        axis.set_axis_off()
     handles, labels = grid[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=3)
     return figure

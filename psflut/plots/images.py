@@ -1,13 +1,13 @@
 """Figures of images: pictures side by side, a page to print."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from textwrap import fill
 
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from psflut.plots.look import INK, Plot, styled
+from psflut.plots.look import INK, Plot, middle, styled
 
 Floats = NDArray[np.floating]
 
@@ -15,16 +15,21 @@ INCH = 0.0254
 
 
 @styled
-def pictures(images: Mapping[str, Floats], title: str = "", columns: int = 4) -> Figure:
-    """Images side by side, each with its name above and its own grey range (1st to 99th percentile)."""
+def pictures(images: Mapping[str, Floats], title: str = "", columns: int = 4, psfs: Collection[str] = ()) -> Figure:
+    """Images side by side, each with its name above and its own grey range (1st to 99th percentile).
+
+    Those named in `psfs` are shown from zero to their peak instead, and no farther out than their light.
+    """
     columns = min(columns, len(images))
     rows = -(-len(images) // columns)
     figure = Plot(figsize=(2.5 * columns, 2.75 * rows + 0.3), layout="constrained")
     figure.suptitle(title, fontsize=10)
     axes = np.atleast_1d(figure.subplots(rows, columns)).ravel()
     for axis, (name, image) in zip(axes, images.items(), strict=False):
-        low, high = np.percentile(image, [1, 99])
-        axis.imshow(image, vmin=low, vmax=max(high, low + 1e-9), interpolation="nearest")
+        shown = middle(image) if name in psfs else image
+        low, high = (0.0, image.max()) if name in psfs else np.percentile(image, [1, 99])
+        colours = "magma" if name in psfs else None
+        axis.imshow(shown, vmin=low, vmax=max(high, low + 1e-9), cmap=colours, interpolation="nearest")
         axis.set_title(name)
     for axis in axes:
         axis.set_axis_off()

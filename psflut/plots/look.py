@@ -7,7 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from psflut.files import staged
 
@@ -52,6 +54,13 @@ def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
             return draw(*args, **kwargs)
 
     return wrapper
+
+
+def middle(psf: NDArray[np.floating]) -> NDArray[np.floating]:
+    """A PSF without the rim in which no pixel has a hundredth of its peak; the middle stays the middle."""
+    far = [np.abs(np.nonzero(psf.max(axis=k) > 0.01 * psf.max())[0] - psf.shape[1 - k] // 2).max() for k in (0, 1)]
+    rim = psf.shape[0] // 2 - min(max(far) + 2, psf.shape[0] // 2)
+    return psf[rim : psf.shape[0] - rim, rim : psf.shape[1] - rim]
 
 
 def save(figure: Figure, path: Path, overwrite: bool = True) -> None:

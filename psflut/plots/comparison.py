@@ -1,0 +1,150 @@
+"""Figures of a comparison: estimates, errors and scatter against the true distance (thesis 5.2.2 to 5.2.7)."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.ticker import FuncFormatter
+from numpy.typing import NDArray
+
+from psflut.limits import Limits
+from psflut.plots.look import COLOURS, INK, TRUTH, Plot, styled
+from psflut.scores import BASELINE, at_positions, covered, errors, of_method, risk_coverage, scale, widths
+from psflut.trial import KNOWN, Record
+
+Floats = NDArray[np.floating]
+
+MARKERS = "osD^vP"
+BAND = (5.0, 50.0, 95.0)
+"""Percentiles: runs are shaded between the outer ones."""
+
+
+def methods_of(records: Sequence[Record]) -> dict[str, str]:
+    """The methods in the order in which they come, each with its colour; the same one whether told the scene or not."""
+    names = dict.fromkeys(record.method for record in records)
+    base = list(dict.fromkeys(name.removesuffix(KNOWN) for name in names))
+    return {name: COLOURS[base.index(name.removesuffix(KNOWN)) % len(COLOURS)] for name in names}
+
+
+def best(records: Sequence[Record]) -> tuple[Floats, Floats]:
+    """True positions and the estimate nearest to each, metres. The thesis shows these, which only the truth chooses."""
+    groups = at_positions(records)
+    nearest = [truth + min(errors(each), key=abs) for truth, each in groups.items()]
+    return np.array(list(groups)), np.array(nearest)
+
+
+@styled
+def agreement(records: Sequence[Record], title: str = "") -> Figure:
+    """Estimate against truth, a panel a method: median, band of the runs, and the best run as the thesis shows it."""
+    methods = methods_of(records)
+    columns = min(len(methods), 4)
+    rows = -(-len(methods) // columns)
+    figure = Plot(figsize=(2.7 * columns + 0.4, 2.7 * rows + 0.9), layout="constrained")
+    figure.suptitle(title, fontsize=10)
+    grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+    for axis, (method, colour) in zip(grid.ravel(), methods.items(), strict=False):
+        own = of_method(records, method)
+        groups = at_positions(own)
+        truths = np.array(list(groups))
+        runs = max(map(len, groups.values()))
+        low, middle, high = np.array([np.percentile([r.estimate for r in g], BAND) for g in groups.values()]).T
+        axis.plot(truths[[0, -1]], truths[[0, -1]], color=TRUTH, lw=1, ls="--", label="truth")
+        axis.fill_between(truths, low, high, color=colour, alpha=0.25, lw=0, label="5 to 95 % of the runs")
+        axis.plot(truths, middle, color=colour, marker="o", ms=3, lw=1.2, label="median")
+        axis.plot(*best(own), color=INK, lw=0.8, ls=":", marker="x", ms=4, label="best run (thesis)")
+        axis.set_title(f"{method}, {runs} runs")
+    for axis in grid.ravel()[len(methods) :]:
+        axis.set_axis_off()
+    for axis in grid[-1]:
+        axis.set_xlabel("object distance (m)")
+    for axis in grid[:, 0]:
+        axis.set_ylabel("estimate (m)")
+    handles, labels = grid[0, 0].get_legend_handles_labels()
+    handles[1:3] = [Patch(color=INK, alpha=0.25, lw=0), Line2D([], [], color=INK, marker="o", ms=3, lw=1.2)]
+    figure.legend(handles, labels, loc="outside lower center", ncols=4)
+    return figure
+
+
+@styled
+def relative_errors(records: Sequence[Record], span: float | None = None, title: str = "") -> Figure:
+    """Median absolute error against truth, in per cent of it (or of a stage's span), and the baseline's best run."""
+    figure, axis = _single(title)
+    for marker, (method, colour) in zip(MARKERS, methods_of(records).items(), strict=False):
+        groups = at_positions(of_method(records, method))
+        middle = [100 * np.median(np.abs(errors(each)) / scale(each, span)) for each in groups.values()]
+        axis.plot(list(groups), middle, color=colour, marker=marker, ms=4, lw=1.2, label=method)
+    for method, colour in methods_of(records).items():
+        if method.removesuffix(KNOWN) == BASELINE:
+            truths, nearest = best(of_method(records, method))
+            share = 100 * np.abs(nearest - truths) / (truths if span is None else span)
+            axis.plot(
+                truths, share, color=colour, marker="x", ms=4, lw=0.8, ls=":", label=f"{method}, best run (thesis)"
+            )
+    axis.set_ylabel(f"median error (% of {'the distance' if span is None else 'the range'})")
+    return _finished(figure, axis)
+
+
+@styled
+def scatter(records: Sequence[Record], bound: Limits | None = None, title: str = "") -> Figure:
+    """Standard deviation of the runs at every distance, and what the Cramer-Rao bound allows."""
+    figure, axis = _single(title)
+    for marker, (method, colour) in zip(MARKERS, methods_of(records).items(), strict=False):
+        groups = {z: errors(each) for z, each in at_positions(of_method(records, method)).items() if len(each) > 1}
+        spread = [100 * np.std(each, ddof=1) for each in groups.values()]
+        axis.plot(list(groups), spread, color=colour, marker=marker, ms=4, lw=1.2, label=method)
+    truths = [record.truth for record in records]
+    if bound is not None:
+        axis.plot(bound.axis, 100 * bound.crb, color=TRUTH, lw=1.5, ls="--", label="Cramer-Rao bound")
+        axis.plot(bound.axis, 100 * bound.within, color=TRUTH, lw=1, ls=":", label="the same within the table's range")
+        margin = 0.03 * (max(truths) - min(truths))
+        axis.set_xlim(min(truths) - margin, max(truths) + margin)
+    axis.set_ylabel("standard deviation of the runs (cm)")
+    return _finished(figure, axis)
+
+
+@styled
+def reliability(records: Sequence[Record], level: float, span: float | None = None, title: str = "") -> Figure:
+    """Whether intervals are honest, how wide they are, what the surest patches err, and what it all costs."""
+    figure = Plot(figsize=(8.6, 6.4), layout="constrained")
+    figure.suptitle(title, fontsize=10)
+    (covers, width), (risk, cost) = figure.subplots(2, 2)
+    methods = methods_of(records)
+    for marker, (method, colour) in zip(MARKERS, methods.items(), strict=False):
+        own = of_method(records, method)
+        groups = at_positions(own)
+        dashes = "--" if method.endswith(KNOWN) else "-"
+        line = {"color": colour, "marker": marker, "ms": 4, "lw": 1.2, "ls": dashes, "label": method}
+        covers.plot(list(groups), [100 * covered(each).mean() for each in groups.values()], **line)
+        width.plot(list(groups), [100 * np.median(widths(each)) for each in groups.values()], **line)
+        kept, error = risk_coverage(own, span)
+        risk.plot(100 * kept, 100 * error, color=colour, lw=1.2, ls=dashes)
+    covers.axhline(100 * level, color=TRUTH, lw=1, ls=":")
+    covers.set(ylim=(-3, 103), xlabel="object distance (m)", ylabel=f"{level:.0%} intervals that cover (%)")
+    width.set(yscale="log", xlabel="object distance (m)", ylabel=f"median width of {level:.0%} intervals (cm)")
+    of = "the distance" if span is None else "the range"
+    risk.set(yscale="log", xlabel="patches kept, narrowest intervals first (%)", ylabel=f"their mean error (% of {of})")
+    seconds = [float(np.median([r.seconds for r in of_method(records, method)])) for method in methods]
+    cost.barh(list(methods), seconds, color=list(methods.values()))
+    cost.invert_yaxis()
+    cost.set(xscale="log", xlabel="median time of a patch on one core (s)")
+    for axis in (width.yaxis, risk.yaxis, cost.xaxis):
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    figure.legend(*covers.get_legend_handles_labels(), loc="outside lower center", ncols=len(methods))
+    return figure
+
+
+def _single(title: str) -> tuple[Figure, Axes]:
+    figure = Plot(figsize=(6.4, 4.2), layout="constrained")
+    axis = figure.subplots()
+    axis.set_title(title)
+    return figure, axis
+
+
+def _finished(figure: Figure, axis: Axes) -> Figure:
+    axis.set(yscale="log", xlabel="object distance (m)")
+    axis.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    figure.legend(loc="outside upper center", ncols=3)
+    return figure

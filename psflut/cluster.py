@@ -50,7 +50,8 @@ def _client(address: str) -> Any:
         from distributed import Client
     except ImportError as error:
         raise PsflutError("--scheduler needs dask; install it with: pip install psflut[lab]") from error
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what it complains of comes as our one sentence
+    for handler in logging.getLogger("distributed").handlers:
+        handler.setLevel(logging.CRITICAL)  # what it complains of comes as our one sentence
     try:
         client = Client(address, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError) as error:

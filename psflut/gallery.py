@@ -97,15 +97,15 @@ def _restored(shots: Sequence[Shot], found: Sequence[dict[str, Estimate]]) -> di
 
 
 def _of_results(bench: Bench, records: Sequence[Record]) -> Iterator[tuple[str, Any]]:
-    span, about = span_of(bench.table), _about(bench)
+    span, about, palette = span_of(bench.table), _about(bench), plots.palette_of(records)
     for known, numbers in ((False, ("5.2.2", "5.2.3", "5.2.4")), (True, ("5.2.5", "5.2.6", "5.2.7"))):
         some = [record for record in records if record.method.endswith(KNOWN) == known]
         if some:
             title = f"{about}; the ideal image is {'' if known else 'not '}known"
             limit = _bound(bench, "known" if known else "unknown")
-            yield f"{numbers[0]}-estimates", plots.agreement(some, title)
-            yield f"{numbers[1]}-relative-errors", plots.relative_errors(some, span, title)
-            yield f"{numbers[2]}-scatter", plots.scatter(some, limit, title)
+            yield f"{numbers[0]}-estimates", plots.agreement(some, title, palette)
+            yield f"{numbers[1]}-relative-errors", plots.relative_errors(some, span, title, palette)
+            yield f"{numbers[2]}-scatter", plots.scatter(some, limit, title, palette)
     yield "reliability", plots.reliability(records, bench.level, span, about)
 
 

@@ -10,7 +10,8 @@ from psflut.cli import console
 from psflut.cli.options import Gamma, ImagerOption, Srgb, TableOption
 from psflut.errors import PsflutError
 
-RUNS, FEW, SLOW = 40, 8, "posterior"
+RUNS, FEW = 40, 8
+"""Captures at a distance, and of them those that `posterior` and methods that are told the scene see."""
 
 
 def run(
@@ -44,7 +45,7 @@ def run(
         typer.Option(
             min=1,
             help=f"Captures at every distance: photograph after photograph, at places and with noise of their own. "
-            f"Default: {RUNS}, of which {SLOW} sees the first {FEW}.",
+            f"Default: {RUNS}, of which posterior and +scene see the first {FEW}.",
         ),
     ] = None,
     size: Annotated[int, typer.Option(min=1, help="Side of a patch, pixels.")] = 128,
@@ -70,11 +71,10 @@ def run(
 ) -> None:
     """Compare estimators on captures of known distance; run it again and it goes on where it stopped.
 
-    By default all methods for any scene see 9 distances x 40 captures of 128 x 128 pixels (posterior 9 x 8), and those
-    that can use it are also told the ideal image. blind_rl restores from 12 PSFs over the whole table and reads 100
-    candidates between them. This takes some 10 minutes on two cores. DIR gets results.csv, results.zarr, timings.csv,
-    summary.csv,
-    summary.md and figures.
+    By default all methods for any scene see 9 distances x 40 captures of 128 x 128 pixels, posterior 9 x 8 of them;
+    golden_section and two_image also see 9 x 8 with the ideal image known. blind_rl goes from coarse to fine: it
+    restores from 12 PSFs over the whole table and reads 100 candidates between them. This takes some 10 minutes on two
+    cores. DIR gets results.csv, results.zarr, timings.csv, summary.csv, summary.md and figures.
     """
     from tqdm import tqdm
 
@@ -98,7 +98,8 @@ def run(
     )
     bench = trial.Bench(tabled, shots, parts, level, seed)
     most = max(shots.counts())
-    counts = {name: min(runs or (FEW if name == SLOW else most), most) for name in names}
+    few = [name for name in names if captures is None and (name == "posterior" or name in known)]
+    counts = {name: min(runs or (FEW if name in few else most), most) for name in names}
     work = partial(cluster, address=scheduler) if scheduler else partial(local, count=workers or cores())
     steps, total = compare.run(bench, counts, output, work), compare.cells(bench, counts)
     records = next(steps)

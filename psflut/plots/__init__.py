@@ -1,6 +1,6 @@
 """Figures, a topic a file: results in, Figure out. One look, units on every axis."""
 
-from psflut.plots.comparison import agreement, relative_errors, reliability, scatter
+from psflut.plots.comparison import agreement, palette_of, relative_errors, reliability, scatter
 from psflut.plots.estimates import curve, curves
 from psflut.plots.images import page, pictures
 from psflut.plots.limits import limits
@@ -18,6 +18,7 @@ __all__ = [
     "limits",
     "otfs",
     "page",
+    "palette_of",
     "pictures",
     "psfs",
     "ranges",

@@ -1,6 +1,6 @@
 """Figures of a comparison: estimates, errors and scatter against the true distance (thesis 5.2.2 to 5.2.7)."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,17 +16,24 @@ from psflut.scores import BASELINE, at_positions, covered, errors, of_method, ri
 from psflut.trial import KNOWN, Record
 
 Floats = NDArray[np.floating]
+Palette = Mapping[str, str]
 
 MARKERS = "osD^vP"
 BAND = (5.0, 50.0, 95.0)
 """Percentiles: runs are shaded between the outer ones."""
 
 
-def methods_of(records: Sequence[Record]) -> dict[str, str]:
+def palette_of(records: Sequence[Record]) -> dict[str, str]:
     """The methods in the order in which they come, each with its colour; the same one whether told the scene or not."""
     names = dict.fromkeys(record.method for record in records)
     base = list(dict.fromkeys(name.removesuffix(KNOWN) for name in names))
     return {name: COLOURS[base.index(name.removesuffix(KNOWN)) % len(COLOURS)] for name in names}
+
+
+def _coloured(records: Sequence[Record], palette: Palette | None) -> list[tuple[str, str]]:
+    """(method, colour) of those that are there, by a palette that others share or their own."""
+    own = palette_of(records)
+    return [(name, (palette or own)[name]) for name in own]
 
 
 def best(records: Sequence[Record]) -> tuple[Floats, Floats]:
@@ -37,15 +44,15 @@ def best(records: Sequence[Record]) -> tuple[Floats, Floats]:
 
 
 @styled
-def agreement(records: Sequence[Record], title: str = "") -> Figure:
+def agreement(records: Sequence[Record], title: str = "", palette: Palette | None = None) -> Figure:
     """Estimate against truth, a panel a method: median, band of the runs, and the best run as the thesis shows it."""
-    methods = methods_of(records)
+    methods = _coloured(records, palette)
     columns = min(len(methods), 4)
     rows = -(-len(methods) // columns)
     figure = Plot(figsize=(2.7 * columns + 0.4, 2.7 * rows + 0.9), layout="constrained")
     figure.suptitle(title, fontsize=10)
     grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
-    for axis, (method, colour) in zip(grid.ravel(), methods.items(), strict=False):
+    for axis, (method, colour) in zip(grid.ravel(), methods, strict=False):
         own = of_method(records, method)
         groups = at_positions(own)
         truths = np.array(list(groups))
@@ -69,14 +76,16 @@ def agreement(records: Sequence[Record], title: str = "") -> Figure:
 
 
 @styled
-def relative_errors(records: Sequence[Record], span: float | None = None, title: str = "") -> Figure:
+def relative_errors(
+    records: Sequence[Record], span: float | None = None, title: str = "", palette: Palette | None = None
+) -> Figure:
     """Median absolute error against truth, in per cent of it (or of a stage's span), and the baseline's best run."""
     figure, axis = _single(title)
-    for marker, (method, colour) in zip(MARKERS, methods_of(records).items(), strict=False):
+    for marker, (method, colour) in zip(MARKERS, _coloured(records, palette), strict=False):
         groups = at_positions(of_method(records, method))
         middle = [100 * np.median(np.abs(errors(each)) / scale(each, span)) for each in groups.values()]
         axis.plot(list(groups), middle, color=colour, marker=marker, ms=4, lw=1.2, label=method)
-    for method, colour in methods_of(records).items():
+    for method, colour in _coloured(records, palette):
         if method.removesuffix(KNOWN) == BASELINE:
             truths, nearest = best(of_method(records, method))
             share = 100 * np.abs(nearest - truths) / (truths if span is None else span)
@@ -88,10 +97,12 @@ def relative_errors(records: Sequence[Record], span: float | None = None, title:
 
 
 @styled
-def scatter(records: Sequence[Record], bound: Limits | None = None, title: str = "") -> Figure:
+def scatter(
+    records: Sequence[Record], bound: Limits | None = None, title: str = "", palette: Palette | None = None
+) -> Figure:
     """Standard deviation of the runs at every distance, and what the Cramer-Rao bound allows."""
     figure, axis = _single(title)
-    for marker, (method, colour) in zip(MARKERS, methods_of(records).items(), strict=False):
+    for marker, (method, colour) in zip(MARKERS, _coloured(records, palette), strict=False):
         groups = {z: errors(each) for z, each in at_positions(of_method(records, method)).items() if len(each) > 1}
         spread = [100 * np.std(each, ddof=1) for each in groups.values()]
         axis.plot(list(groups), spread, color=colour, marker=marker, ms=4, lw=1.2, label=method)
@@ -111,7 +122,7 @@ def reliability(records: Sequence[Record], level: float, span: float | None = No
     figure = Plot(figsize=(8.6, 6.4), layout="constrained")
     figure.suptitle(title, fontsize=10)
     (covers, width), (risk, cost) = figure.subplots(2, 2)
-    methods = methods_of(records)
+    methods = palette_of(records)
     for marker, (method, colour) in zip(MARKERS, methods.items(), strict=False):
         own = of_method(records, method)
         groups = at_positions(own)

@@ -1,6 +1,6 @@
 """Figures of images: pictures side by side, a page to print."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping, Sequence
 from textwrap import fill
 
 import numpy as np
@@ -15,18 +15,19 @@ INCH = 0.0254
 
 
 @styled
-def pictures(images: Mapping[str, Floats], title: str = "", columns: int = 4, psfs: Collection[str] = ()) -> Figure:
+def pictures(images: Mapping[str, Floats], title: str = "", columns: int = 4, psfs: Sequence[str] = ()) -> Figure:
     """Images side by side, each with its name above and its own grey range (1st to 99th percentile).
 
-    Those named in `psfs` are shown from zero to their peak instead, and no farther out than their light.
+    Those named in `psfs` are shown from zero to their peak instead, and all as far out as the widest has light.
     """
+    narrow = dict(zip(psfs, middle([images[name] for name in psfs]), strict=True)) if psfs else {}
     columns = min(columns, len(images))
     rows = -(-len(images) // columns)
     figure = Plot(figsize=(2.5 * columns, 2.75 * rows + 0.3), layout="constrained")
     figure.suptitle(title, fontsize=10)
     axes = np.atleast_1d(figure.subplots(rows, columns)).ravel()
     for axis, (name, image) in zip(axes, images.items(), strict=False):
-        shown = middle(image) if name in psfs else image
+        shown = narrow.get(name, image)
         low, high = (0.0, image.max()) if name in psfs else np.percentile(image, [1, 99])
         colours = "magma" if name in psfs else None
         axis.imshow(shown, vmin=low, vmax=max(high, low + 1e-9), cmap=colours, interpolation="nearest")

@@ -1,7 +1,7 @@
 """What all figures share: fonts, colours that colour-blind readers tell apart, and how they are shown and saved."""
 
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import wraps
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from psflut.files import staged
+
+Floats = NDArray[np.floating]
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 """Of Okabe and Ito, in the order in which methods take them."""
@@ -56,11 +58,12 @@ def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
     return wrapper
 
 
-def middle(psf: NDArray[np.floating]) -> NDArray[np.floating]:
-    """A PSF without the rim in which no pixel has a hundredth of its peak; the middle stays the middle."""
-    far = [np.abs(np.nonzero(psf.max(axis=k) > 0.01 * psf.max())[0] - psf.shape[1 - k] // 2).max() for k in (0, 1)]
-    rim = psf.shape[0] // 2 - min(max(far) + 2, psf.shape[0] // 2)
-    return psf[rim : psf.shape[0] - rim, rim : psf.shape[1] - rim]
+def middle(psfs: Sequence[Floats]) -> list[Floats]:
+    """PSFs without the rims in which no pixel of any has a hundredth of its peak: all alike, their middles kept."""
+    offsets = [np.argwhere(psf > 0.01 * psf.max()) - psf.shape[0] // 2 for psf in psfs]
+    reach = 2 + max(int(np.abs(each).max()) for each in offsets)
+    rims = [max(psf.shape[0] // 2 - reach, 0) for psf in psfs]
+    return [psf[rim : len(psf) - rim, rim : len(psf) - rim] for psf, rim in zip(psfs, rims, strict=True)]
 
 
 def save(figure: Figure, path: Path, overwrite: bool = True) -> None:

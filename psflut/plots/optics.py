@@ -61,7 +61,7 @@ def filters(table: PSFTable, position: float, imager: Imager) -> Figure:
     """The PSF at a position (metres) and the imager's kernel, each with its scale of values."""
     figure = Plot(figsize=(7.0, 3.2), layout="constrained")
     left, right = figure.subplots(1, 2)
-    _plane(left, middle(table.at(position)), f"PSF at {format_length(position)}")
+    _plane(left, middle([table.at(position)])[0], f"PSF at {format_length(position)}")
     _plane(right, imager.kernel(), f"imager: {type(imager).__name__.lower()}")
     return figure
 

@@ -16,6 +16,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "images": ["read_image"],
         "noise": ["Noise"],
         "optics": ["Camera"],
+        "reporting": ["report"],
         "store": ["read_table", "write_table"],
         "table": ["PSFTable"],
     },

@@ -12,12 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from psflut import family
+from psflut.card import card, strip
 from psflut.density import Density, Mode
 from psflut.errors import PsflutError
 from psflut.imagers import Imager
 from psflut.noise import Noise, estimate_noise
 from psflut.spectrum import annular_power, annuli
 from psflut.table import PSFTable
+from psflut.units import format_length
 
 Floats = NDArray[np.float64]
 
@@ -110,6 +112,19 @@ class Estimate:
     curve: Curve | None = None
     stats: Mapping[str, Any] = field(default_factory=dict)
     detail: Mapping[str, Any] = field(default_factory=dict)
+
+    def _repr_html_(self) -> str:
+        """A card, for a notebook."""
+        rows = [(f"{self.level:.0%} interval", " to ".join(format_length(end) for end in self.interval))]
+        if len(self.modes) > 1:
+            rows.append(("modes", ", ".join(f"{format_length(z)} ({weight:.0%})" for z, weight in self.modes)))
+        rows.append(("outcome", self.outcome.name.lower().replace("_", " ")))
+        if "misfit" in self.stats:
+            rows.append(("misfit", f"{self.stats['misfit']:.2f}"))
+        if self.curve is None:
+            return card(format_length(self.distance), rows, note=self.outcome.value)
+        span = float(np.min(self.curve.position)), float(np.max(self.curve.position))
+        return card(format_length(self.distance), rows, strip(span, self.interval, self.modes), self.outcome.value)
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,12 +12,13 @@ ROOT = Path(__file__).parent.parent
 FLOORS = [  # from the roof to the cellar; a module imports from lower floors only
     {"psflut.cli"},
     {"psflut.cli.shots"},
-    {"psflut.cli.console", "psflut.cli.options"},
-    {"psflut.demo", "psflut.gallery", "calib.textures"},
+    {"psflut.cli.console", "psflut.cli.options", "psflut.cli.patches"},
+    {"psflut.demo", "psflut.gallery", "psflut.reporting", "calib.textures"},
     {"psflut.plots", "calib.efficiency"},
     {f"psflut.plots.{topic}" for topic in ("comparison", "estimates", "images", "limits", "optics", "tables")},
+    {f"psflut.plots.{topic}" for topic in ("inline", "posteriors", "reports")},
     {"psflut.plots.look"},
-    {"psflut.compare"},
+    {"psflut.compare", "psflut.findings", "psflut.posterior_file"},
     {"psflut.cluster", "psflut.workers", "psflut.journal", "psflut.results", "psflut.scores"},
     {"psflut.trial"},
     {"psflut.shots", "psflut.photographs"},
@@ -32,6 +33,7 @@ FLOORS = [  # from the roof to the cellar; a module imports from lower floors on
     {"calib.registration", "calib.known_scene"},
     {"calib.polar"},
     {"psflut.estimators"},
+    {"psflut.predictive"},
     {"psflut.joint", "psflut.jointbound", "psflut.chain", "psflut.budget"},
     {"psflut.fused"},
     {"psflut.crossed", "psflut.grid", "psflut.pointfit", "psflut.limits"},
@@ -46,12 +48,18 @@ FLOORS = [  # from the roof to the cellar; a module imports from lower floors on
     {"psflut.imagers", "psflut.psfs"},
     {"psflut.camera_file"},
     {"psflut.noise", "psflut.optics", "psflut.images"},
-    {"psflut.family", "psflut.files", "psflut.units", "psflut.fourier", "psflut.subpixel"},
+    {"psflut.family", "psflut.files", "psflut.units", "psflut.fourier", "psflut.subpixel", "psflut.card"},
     {"psflut.errors"},
     {"psflut", "calib"},
 ]
-DOORS = {"zarr": {"psflut.store", "psflut.results"}, "emcee": {"psflut.chain"}, "matplotlib": {"psflut.plots"}}
+DOORS = {
+    "zarr": {"psflut.store", "psflut.results"},
+    "emcee": {"psflut.chain"},
+    "matplotlib": {"psflut.plots"},
+    "jinja2": {"psflut.reporting"},
+}
 LAZY = {"emcee", "matplotlib", "skimage", "imageio", "tifffile", "tqdm", "distributed", "threadpoolctl"}
+LAZY |= {"xarray", "h5netcdf", "jinja2"}
 
 
 def modules():

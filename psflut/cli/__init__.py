@@ -15,7 +15,19 @@ from typer.exceptions import TyperException
 from psflut.cli import console
 from psflut.errors import PsflutError
 
-COMMANDS = ("demo", "build", "target", "calibrate", "info", "check", "simulate", "estimate", "compare", "limits")
+COMMANDS = (
+    "demo",
+    "build",
+    "target",
+    "calibrate",
+    "info",
+    "check",
+    "simulate",
+    "estimate",
+    "report",
+    "compare",
+    "limits",
+)
 """In the order in which help shows them; each is the function `run` of the module of its name."""
 
 app = typer.Typer(

@@ -9,12 +9,22 @@ import typer
 
 from psflut import family
 from psflut.cli import console
-from psflut.cli.options import Gamma, ImagerOption, Json, NoiseOption, Srgb, TableOption
+from psflut.cli.options import (
+    Gamma,
+    ImagerOption,
+    Json,
+    NoiseOption,
+    Overwrite,
+    PatchOption,
+    PosteriorOption,
+    Srgb,
+    TableOption,
+)
+from psflut.cli.patches import observe, same_shape
 from psflut.errors import PsflutError
 
 if TYPE_CHECKING:
-    from psflut.estimation import Estimate, Observation
-    from psflut.images import Picture
+    from psflut.estimation import Estimate
 
 METHODS = ", ".join(family.names("psflut.estimators"))
 
@@ -46,11 +56,10 @@ def run(
     second_table: Annotated[
         str | None, typer.Option(metavar="TABLE", help="The table of the second image's setting.")
     ] = None,
-    patch: Annotated[
-        str | None,
-        typer.Option(help="Y,X,SIZE or Y,X,HxW: top left corner and sides in pixels. Default: the centred 256."),
-    ] = None,
+    patch: PatchOption = None,
     level: Annotated[float, typer.Option(min=0, max=1, help="Probability of the interval.")] = 0.95,
+    posterior: PosteriorOption = None,
+    overwrite: Overwrite = False,
     as_json: Json = False,
     gamma: Gamma = 1.0,
     srgb: Srgb = False,
@@ -58,6 +67,7 @@ def run(
     """Estimate the distance of a patch, by one method or several."""
     from psflut.estimation import estimate as solve
     from psflut.images import read_image
+    from psflut.posterior_file import check_posterior, write_posterior
     from psflut.store import read_table
 
     tabled = read_table(table)
@@ -70,6 +80,10 @@ def run(
         raise PsflutError(f"{others[0]} does not know what a point is; leave --method out, or name point")
     if (second is None) != (second_table is None):
         raise PsflutError("a second image comes with the table of its setting; give --second and --second-table")
+    if posterior is not None:
+        check_posterior(posterior, overwrite)
+        if len(images) != 1 or [name.partition(":")[0] for name in names].count("posterior") != 1:
+            raise PsflutError("--posterior keeps the chain of one image; give one image, and the method posterior once")
     known = None if scene in (None, "point") else read_image(Path(scene), gamma, srgb)
     other = None if second is None else (read_image(Path(second), gamma, srgb), read_table(str(second_table)))
     found: list[tuple[str, str, Estimate]] = []
@@ -77,10 +91,10 @@ def run(
         for image in images:
             picture = read_image(Path(image), gamma, srgb)
             with console.about(image):
-                observation = _observation(picture, noise, imager, known, patch)
+                observation = observe(picture, noise, imager, known, patch)
                 if other is not None:
-                    _same_shape("second image", other[0], picture)
-                    beside = _observation(other[0], noise, imager, None, patch)
+                    same_shape("second image", other[0], picture)
+                    beside = observe(other[0], noise, imager, None, patch)
                     observation = replace(observation, second=(beside, other[1]))
                 for name, estimator in estimators.items():
                     found.append((image, name, solve(observation, tabled, estimator, level)))
@@ -88,30 +102,10 @@ def run(
                         print(json.dumps(console.record(*found[-1])), flush=True)
             console.say_estimated_noise(image, found[-1][-1])
         console.say_what_wins(tabled, noise, imager)
+        if posterior is not None:
+            image, name, result = next(each for each in found if each[1].partition(":")[0] == "posterior")
+            about = {"image": image, "table": table, "method": name, "patch": patch}
+            write_posterior(result, posterior, about, overwrite)
     finally:  # what was found before a refusal is shown
         if not as_json:
             console.show(found)
-
-
-def _observation(
-    picture: "Picture", noise: str | None, imager: str | None, known: "Picture | None", patch: str | None
-) -> "Observation":
-    from psflut.estimation import Observation
-    from psflut.images import crop
-    from psflut.noise import parse_noise
-
-    if known is not None:
-        _same_shape("scene", known, picture)
-    window = crop(picture.image.shape, patch)
-    return Observation(
-        picture.image[window],
-        noise=None if noise is None else parse_noise(noise, picture.image[window]),
-        imager=imager,
-        scene=None if known is None else known.image[window],
-        quantum=picture.quantum,
-    )
-
-
-def _same_shape(what: str, other: "Picture", picture: "Picture") -> None:
-    if other.image.shape != picture.image.shape:
-        raise PsflutError(f"the {what} has the shape {other.image.shape}, not {picture.image.shape}; they must agree")

@@ -19,3 +19,14 @@ NoiseOption = Annotated[
 ]
 ImagerOption = Annotated[str | None, typer.Option(help="plain, laplacian:0.2 or dog. Default: the table's.")]
 Json = Annotated[bool, typer.Option("--json", help="One JSON object a line on stdout, nothing else there.")]
+PatchOption = Annotated[
+    str | None,
+    typer.Option("--patch", help="Y,X,SIZE or Y,X,HxW: top left corner and sides in pixels. Default: the centred 256."),
+]
+PosteriorOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--posterior",
+        help="Keep the chain of the method posterior for ArviZ: NAME.zarr or NAME.nc (pip install psflut[lab]).",
+    ),
+]

@@ -11,6 +11,7 @@ from psflut.density import Density, Mode, interval_of, mirrored, tails
 from psflut.errors import PsflutError
 from psflut.estimation import AbstractEstimator, Curve, Estimate, Outcome, Problem, judge
 from psflut.grid import Grid, grid, restored
+from psflut.predictive import predict
 
 Floats = NDArray[np.float64]
 
@@ -26,7 +27,8 @@ class Posterior(AbstractEstimator):
 
     ``detail`` keeps ``chain`` (steps, walkers, dimensions), ``names`` of the dimensions, the ``distances`` drawn
     (metres), moved by the table's own errors (`psflut.spread`) as interval and modes are but the chain is not,
-    ``log_probability`` (steps, walkers), and ``restored``. ``stats`` gives the autocorrelation time and
+    ``log_probability`` (steps, walkers), ``restored``, and the ``prediction`` of the patch's spectrum
+    (`psflut.predictive`). ``stats`` gives the autocorrelation time and
     the effective sample size.
 
     Parameters
@@ -88,6 +90,7 @@ class Posterior(AbstractEstimator):
                 "names": [*names, "ln_sigma"][: chain.points.shape[2]],
                 "log_probability": chain.log_probability,
                 "restored": restored(problem, found, modes[0].distance),
+                "prediction": predict(problem, found, chain, self.seed),
             },
         )
 

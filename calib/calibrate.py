@@ -14,7 +14,9 @@ from calib.assess import Assessment
 from calib.build import table_of
 from calib.captures import shots
 from calib.manifest import Manifest
+from calib.modes import with_modes
 from calib.photons import noise_of, pair_bins
+from calib.singles import Singles
 from calib.targets import Measurement, Shot, Target
 from psflut import family
 from psflut.errors import PsflutError
@@ -57,6 +59,7 @@ def calibrate(
     camera: Camera | None = None,
     encoding: Encoding | None = None,
     assessment: Assessment | None = None,
+    modes: int | None = None,
     progress: Callable[[int], object] = lambda positions: None,
 ) -> PSFTable:
     """Measure the PSF at every position of a manifest and lay a smooth course through them.
@@ -73,28 +76,45 @@ def calibrate(
     imager : Imager
         What the camera's own output went through.
     assessment : Assessment
-        What is looked into besides (`calib.assess`).
+        What is looked into besides (`calib.assess`). It knows nothing of modes.
+    modes : int or None
+        Of how points differ (`calib.modes`), points being named by the manifest's rows.
     progress : callable
         Hears of every position measured.
 
     Raises
     ------
     PsflutError
-        If a frame cannot be read, or a position shows no target; the sentence names it.
+        If a frame cannot be read, or a position shows no target; the sentence names it. If modes are asked for that
+        the points cannot tell.
     """
     encoding = encoding or Encoding()
     if size < 3 or size % 2 == 0:
         raise PsflutError(f"the size of a PSF must be odd and at least 3, got {size}")
-    axis, measured, repeats = measure_all(manifest, target, size, imager, encoding, progress)
+    singles = None if modes is None else Singles.named(manifest, target, modes)
+    alone: list[list[Measurement | None]] = []
+
+    def look(shots: list[Shot]) -> None:
+        if singles is not None:
+            alone.append(singles.measure(shots, size, imager))
+        progress(1)
+
+    axis, measured, repeats = measure_all(manifest, target, size, imager, encoding, look)
+    points, left_out = singles.tables(axis, manifest.kind, alone, pixel_pitch) if singles else ([], [])
     noise, why_not = _noise(repeats, float(np.mean(encoding.dark)))
     table = replace(
         table_of(axis, manifest.kind, measured, pixel_pitch),
         camera=camera,
         imager=family.describe(imager),
         noise=noise,
-        provenance={**_provenance(manifest, target, encoding, measured), "noise_unknown": why_not},
+        provenance={
+            **_provenance(manifest, target, encoding, measured, left_out),
+            "modes_from": len(points),
+            "noise_unknown": why_not,
+        },
     )
-    return (assessment or Assessment()).of(table, measured)
+    table = (assessment or Assessment()).of(table, measured)
+    return with_modes(table, points, singles.modes) if singles else table
 
 
 def measure_all(
@@ -103,16 +123,19 @@ def measure_all(
     size: int,
     imager: Imager,
     encoding: Encoding,
-    progress: Callable[[int], object] = lambda positions: None,
+    look: Callable[[list[Shot]], object] = lambda shots: None,
 ) -> tuple[Floats, list[Measurement], list[Floats]]:
-    """Positions (N,), metres, the PSF at each, and what repeated frames say of noise; every frame is read once."""
+    """Positions (N,), metres, the PSF at each, and what repeated frames say of noise; every frame is read once.
+
+    `look` sees the shots of every position once that is measured.
+    """
     measured: list[Measurement] = []
     repeats: list[Floats] = []
     for position in manifest.positions:
         frames = encoding.shots(manifest, position)
         measured.append(target.measure(frames, size, imager))
-        repeats += pair_bins([shot.image for shot in frames])
-        progress(1)
+        repeats += pair_bins(list({id(shot.image): shot.image for shot in frames}.values()))  # a frame once
+        look(frames)
     return np.array(manifest.positions), measured, repeats
 
 
@@ -127,7 +150,9 @@ def _noise(repeats: list[Floats], dark: float) -> tuple[Noise | None, str]:
     return replace(noise, offset=noise.offset + dark), ""
 
 
-def _provenance(manifest: Manifest, target: Target, encoding: Encoding, measured: list[Measurement]) -> dict[str, Any]:
+def _provenance(
+    manifest: Manifest, target: Target, encoding: Encoding, measured: list[Measurement], left_out: list[str]
+) -> dict[str, Any]:
     digest = hashlib.sha256(manifest.path.read_bytes())
     for file in [*sorted({row.file for row in manifest.rows}), *target.files]:
         digest.update(file.read_bytes())
@@ -135,9 +160,9 @@ def _provenance(manifest: Manifest, target: Target, encoding: Encoding, measured
         "target": family.describe(target),
         "gamma": encoding.gamma,
         "srgb": encoding.srgb,
-        "frames": len(manifest.rows),
+        "frames": len({row.frame for row in manifest.rows}),
         "captures_sha256": digest.hexdigest(),
         "used": [each.used for each in measured],
-        "rejected": [reason for each in measured for reason in each.rejected],
+        "rejected": [reason for each in measured for reason in each.rejected] + left_out,
         "date": int(os.environ.get("SOURCE_DATE_EPOCH", time.time())),
     }

@@ -51,17 +51,20 @@ def shots(
     Returns
     -------
     list of Shot
-        Linear intensity; where an integer file is at its full scale, or at that of fewer bits (`_ceiling`), NaN.
+        One a row; those of one frame share its image, which is read once. Linear intensity; where an integer file is
+        at its full scale, or at that of fewer bits (`_ceiling`), NaN.
 
     Raises
     ------
     PsflutError
         If a frame cannot be read, does not fit the dark frame, or is not above it anywhere.
     """
-    return [_shot(manifest, row, gamma, srgb, dark) for row in manifest.rows if row.position == position]
+    rows = [row for row in manifest.rows if row.position == position]
+    images = {row.frame: _image(manifest, row, gamma, srgb, dark) for row in {row.frame: row for row in rows}.values()}
+    return [Shot(images[row.frame], position, row.name, row.centre) for row in rows]
 
 
-def _shot(manifest: Manifest, row: Row, gamma: float, srgb: bool, dark: float | Floats) -> Shot:
+def _image(manifest: Manifest, row: Row, gamma: float, srgb: bool, dark: float | Floats) -> Floats:
     if np.ndim(dark) and np.shape(dark) != manifest.shape:
         raise PsflutError(
             f"the dark frame has {' x '.join(map(str, np.shape(dark)))} pixels, the frames of {manifest.path} have "
@@ -73,7 +76,7 @@ def _shot(manifest: Manifest, row: Row, gamma: float, srgb: bool, dark: float | 
         raise PsflutError(f"{row.name} is nowhere above the dark level; give that in image units, full scale is 1")
     if picture.saturated is not None:
         image[picture.saturated | (picture.image >= _ceiling(picture, gamma, srgb))] = np.nan
-    return Shot(image, row.position, row.name, row.centre)
+    return image
 
 
 def _ceiling(picture: Picture, gamma: float, srgb: bool) -> float:

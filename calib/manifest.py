@@ -2,12 +2,14 @@
 
 A CSV beside the frames. Its columns: ``file``; one of ``distance_m``, ``distance_mm``, ``stage_m``, ``stage_mm``,
 ``stage_um``; and where needed ``page`` (of a TIFF, from 0) and ``x, y`` (pixel of the target's centre, from 0). Its
-rows run along the axis, up or down; several may share a position.
+rows run along the axis, up or down; several may share a position, and a frame that shows several targets has a row
+for each.
 """
 
 import csv
 import functools
 import math
+from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -24,7 +26,7 @@ COLUMNS = ("file", "page", "x", "y", *POSITIONS)
 
 @dataclass(frozen=True)
 class Row:
-    """A frame: its file, its page (None in a file of one), its position in metres, its target's (y, x) in pixels."""
+    """A frame, or a target in it: file, page (None in a file of one), position in metres, target's (y, x) in pixels."""
 
     file: Path
     page: int | None
@@ -35,6 +37,11 @@ class Row:
     def name(self) -> str:
         """For messages: the file, and its page."""
         return self.file.name if self.page is None else f"{self.file.name} page {self.page}"
+
+    @property
+    def frame(self) -> tuple[Path, int]:
+        """What tells one frame from another: the file itself, and the page."""
+        return self.file.resolve(), self.page or 0
 
 
 @dataclass(frozen=True)
@@ -63,12 +70,6 @@ class Manifest:
         """Distinct positions, ascending, metres."""
         return tuple(sorted({row.position for row in self.rows}))
 
-    @property
-    def repeated(self) -> tuple[float, ...]:
-        """Positions of two frames or more, ascending, metres."""
-        all_positions = [row.position for row in self.rows]
-        return tuple(position for position in self.positions if all_positions.count(position) > 1)
-
 
 def read_manifest(path: Path, least_positions: int = 1) -> Manifest:
     """Read and check a manifest; of the frames, only the headers.
@@ -90,11 +91,12 @@ def read_manifest(path: Path, least_positions: int = 1) -> Manifest:
         position = _position_column(columns)
     pages = functools.cache(page_shapes)
     shapes: dict[tuple[Path, int], tuple[int, int]] = {}
+    twins: defaultdict[tuple[Path, int], list[Row]] = defaultdict(list)
     rows: list[Row] = []
     for number, cells in lines:
         with _naming(path, number):
             row = _row(path.parent, cells, position)
-            _add_frame(row, pages(row.file), shapes)
+            _add_frame(row, pages(row.file), shapes, twins)
             _check_order(row.position, rows)
         rows.append(row)
     kind: Kind = "stage" if position.startswith("stage") else "distance"
@@ -193,16 +195,23 @@ def _inside(folder: Path, name: str) -> Path:
     return path
 
 
-def _add_frame(row: Row, pages: tuple[tuple[int, int], ...], shapes: dict[tuple[Path, int], tuple[int, int]]) -> None:
-    """Note the shape of a frame that is there, new, and fits the others."""
-    key, page = row.file.resolve(), row.page or 0
+def _add_frame(
+    row: Row,
+    pages: tuple[tuple[int, int], ...],
+    shapes: dict[tuple[Path, int], tuple[int, int]],
+    twins: dict[tuple[Path, int], list[Row]],
+) -> None:
+    """Note shape and row of a frame that is there, fits the others, and is new or shows another target."""
+    _, page = row.frame
     if row.page is None and len(pages) > 1:
         raise PsflutError(f"{row.name} has {len(pages)} pages; say which in a column page")
     if page >= len(pages):
         raise PsflutError(f"{row.file.name} has pages 0 to {len(pages) - 1}, got page {page}; name one that it has")
-    if (key, page) in shapes:
-        raise PsflutError(f"{row.name} is listed twice; keep one of its rows")
-    height, width = shapes[key, page] = pages[page]
+    for twin in twins[row.frame]:
+        if row.centre is None or twin.centre in (None, row.centre) or twin.position != row.position:
+            raise PsflutError(f"{row.name} is listed twice; keep one of its rows, or give each target its x and y")
+    twins[row.frame].append(row)
+    height, width = shapes[row.frame] = pages[page]
     first = next(iter(shapes.values()))
     if (height, width) != first:
         raise PsflutError(f"{row.name} has {height} x {width} pixels, expected {first[0]} x {first[1]}; crop all alike")

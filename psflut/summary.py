@@ -19,6 +19,7 @@ def summarise(table: PSFTable) -> dict[str, Any]:
         "planes": len(table.axis),
         "size_px": table.size,
         "pixel_pitch_m": table.pixel_pitch,
+        "modes": 0 if table.psf_modes is None else len(table.psf_modes),
         "peak": [float(plane.max()) for plane in table.psf[[0, -1]]],
         "camera": None,
         "imager": table.imager,
@@ -66,6 +67,8 @@ def words(facts: Mapping[str, Any]) -> list[tuple[str, str]]:
     if "target" in made:
         used, rejected = sum(made["used"]), len(made["rejected"])
         rows.append(("measured", f"{made['target']}, {made['frames']} frames, {used} used and {rejected} rejected"))
+    if facts["modes"]:
+        rows.append(("modes", f"{facts['modes']}, of how {made.get('modes_from', 'its')} points differ"))
     if "model" in made:
         settings = [f"{key} {_spell(key, value)}" for key, value in made["settings"].items() if value]
         rows.append(("model", ", ".join([made["model"], *settings])))

@@ -49,7 +49,8 @@ class PSFTable:
         Standard errors of `psf` and of `axis` (metres), of the same shapes.
     psf_modes : (J, N, K, K) array or None
         How PSFs differ from point to point, over the field say: a point's own is `psf` plus the modes, each times a
-        standard normal number that is the same at all distances.
+        standard normal number that is the same at all distances. The point method integrates them out; the others,
+        limits and held-out errors know `psf` alone.
     provenance, check : mappings
         What made the table, and its held-out error; plain JSON.
 

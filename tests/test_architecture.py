@@ -24,7 +24,7 @@ FLOORS = [  # from the roof to the cellar; a module imports from lower floors on
     {"psflut.shots", "psflut.photographs"},
     {"calib.calibrate"},
     {"calib.assess"},
-    {"calib.check", "calib.drift", "calib.fill"},
+    {"calib.check", "calib.drift", "calib.fill", "calib.singles"},
     {"calib.build", "calib.modes", "calib.nearest", "calib.placement", "calib.ranges"},
     {"calib.recipe", "calib.captures"},
     {"calib.targets", "calib.manifest", "calib.photons"},

@@ -33,7 +33,6 @@ def test_a_manifest_gives_rows_in_metres(folder):
     )
     assert (manifest.kind, manifest.shape) == ("stage", (20, 30))
     assert manifest.positions == (-0.002, 0.0005, 0.003)
-    assert manifest.repeated == (-0.002,)
     assert [row.centre for row in manifest.rows] == [(7.0, 12.5), None, (19.0, 29.0), (0.0, 0.0)]
     assert [row.name for row in manifest.rows] == ["a.png", "e.png", "b.png", "c.png"]
 
@@ -85,6 +84,9 @@ REFUSED = {
     "file,stage_mm\na.png,1\na.png,2\n": "row 3: a.png is listed twice",
     "file,stage_mm\na.png,1\n./a.png,2\n": "row 3: a.png is listed twice",
     "file,page,stage_mm\na.png,,1\na.png,0,2\n": "row 3: a.png page 0 is listed twice",
+    "file,x,y,stage_mm\na.png,3,4,1\na.png,3,4,1\n": "row 3: a.png is listed twice",
+    "file,x,y,stage_mm\na.png,3,4,1\na.png,9,4,2\n": "row 3: a.png is listed twice",
+    "file,x,y,stage_mm\na.png,3,4,1\na.png,,,1\n": "row 3: a.png is listed twice",
     "file,stage_mm\nz.png,1\n": "row 2: no file 'z.png'",
     "file,stage_mm\nbelow,1\n": "row 2: no file 'below'",
     "file,stage_mm\n,1\n": "row 2: file is a name",
@@ -149,6 +151,13 @@ def test_links_are_followed_inside_the_folder_and_never_out_of_it(folder, tmp_pa
     assert len(manifest_of(folder, "file,stage_mm\nagain.png,2\n").rows) == 1
     (outside / "whole").symlink_to(folder, target_is_directory=True)
     assert len(read_manifest(outside / "whole" / "captures.csv").rows) == 1
+
+
+def test_a_frame_that_shows_several_targets_is_read_once(folder):
+    manifest = manifest_of(folder, "file,x,y,stage_um\na.png,3,4,1\n./a.png,9,4,1\nb.png,3,4,1\n")
+    first, second, other = shots(manifest, manifest.positions[0])
+    assert (first.centre, second.centre, other.centre) == ((4, 3), (4, 9), (4, 3))
+    assert first.image is second.image is not other.image
 
 
 def test_pages_of_a_stack_are_frames(folder):

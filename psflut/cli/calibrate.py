@@ -40,6 +40,9 @@ def run(
     planes: Annotated[
         int | None, typer.Option(help="With --model: so many planes, filled by it where it is no worse.")
     ] = None,
+    modes: Annotated[
+        int | None, typer.Option(help="Also keep so many modes of how points differ; rows name them by x and y.")
+    ] = None,
     check_figure: Annotated[Path | None, typer.Option(help="Also draw good and blind ranges: FILE.png.")] = None,
     overwrite: Overwrite = False,
 ) -> None:
@@ -82,6 +85,7 @@ def run(
             camera=lens,
             encoding=encoding,
             assessment=assessment,
+            modes=modes,
             progress=bar.update,
         )
     write_table(table, output, overwrite)

@@ -44,7 +44,7 @@ def run(
         raise PsflutError(f"{captures} gives a {manifest.kind}, the table's axis is a {tabled.kind}; give that")
     encoding = Encoding(gamma, srgb, read_dark(dark, gamma, srgb))
     with tqdm(total=len(manifest.positions), unit="position", disable=None) as bar:
-        axis, measured, _ = measure_all(manifest, part, tabled.size, imager, encoding, bar.update)
+        axis, measured, _ = measure_all(manifest, part, tabled.size, imager, encoding, lambda _: bar.update())
     found = drift(tabled, axis, measured)
     if as_json:
         print(json.dumps({"table": str(path), **found.facts()}))

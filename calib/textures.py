@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import digamma, polygamma
 
-from calib.efficiency import SHARES, learn_efficiency
+from calib.gross import ROUNDS, learn_gross
 from psflut.errors import PsflutError
 from psflut.files import staged
 from psflut.images import read_image
@@ -106,10 +106,10 @@ def free_contrast(covariance: Floats) -> Floats:
 
 
 def learn(groups: Sequence[Spectra], progress: Callable[[int], object] = lambda photographs: None) -> TexturePrior:
-    """The prior on spectra; how far patches are from it is for `calib.efficiency` to learn."""
+    """The prior on spectra; how far patches are from it is for `calib.gross` to learn."""
     mean, covariance, roughness = fit(groups)
     progress(1)
-    return TexturePrior(mean, free_contrast(covariance), roughness, efficiency=1.0, misfit=np.inf)
+    return TexturePrior(mean, free_contrast(covariance), roughness, misfit=np.inf, gross=0.0)
 
 
 def main() -> None:
@@ -117,7 +117,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path, help="of sharp photographs (PNG, sRGB)")
     parser.add_argument("-o", "--output", type=Path, required=True)
-    parser.add_argument("--table", default="lab16mm", help="for the efficiency (default lab16mm)")
+    parser.add_argument("--table", default="lab16mm", help="for gross errors (default lab16mm)")
     parser.add_argument("--terms", type=int, default=10, help="coefficients of ln S (default 10)")
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()
@@ -130,23 +130,23 @@ def main() -> None:
         images = [shrink(read_image(path, srgb=True).image) for path in photographs]
         groups = [spectra(images, size, arguments.terms) for size in SIZES]
         rng = np.random.default_rng(arguments.seed)
-        with tqdm(total=len(images) * (1 + len(SHARES)), unit="photograph", disable=None) as bar:
+        with tqdm(total=len(images) * (1 + ROUNDS), unit="photograph", disable=None) as bar:
             others = [learn([group.without(k) for group in groups], bar.update) for k in range(len(images))]
-            efficiency, misfit = learn_efficiency(others, images, read_table(arguments.table), rng, bar.update)
+            misfit, gross = learn_gross(others, images, read_table(arguments.table), rng, bar.update)
         prior = learn(groups)
         numbers = {
             "mean": prior.mean.tolist(),
             "covariance": prior.covariance.tolist(),
             "roughness": prior.roughness,
-            "efficiency": efficiency,
             "misfit": misfit,
+            "gross": gross,
             "provenance": {
                 "patches": sum(len(group.log_power) for group in groups),
                 "folder": arguments.folder.name,
                 "photographs": len(photographs),
                 "sha256": hashlib.sha256(b"".join(path.read_bytes() for path in photographs)).hexdigest(),
                 "encoding": "sRGB made linear, luminance, 2 x 2 means",
-                "efficiency": f"68 and 95 % intervals on {arguments.table}, noise 0.005, seed {arguments.seed}",
+                "gross": f"95 % intervals on {arguments.table}, noise 0.005, seed {arguments.seed}",
             },
         }
         with staged(arguments.output, overwrite=True) as stage:

@@ -94,6 +94,12 @@ class Density:
         total = fft.idct(np.sum(kernels * fft.dct(shares * self.values), axis=0))
         return Density(self.nodes, np.log(np.maximum(total, FAINT)), self.position)
 
+    def mixed(self, other: "Density", share: float) -> "Density":
+        """The density of a coordinate that follows another density, on the same grid, with that probability."""
+        own, others = (each.values / each.values.sum() for each in (self, other))
+        total = (1 - share) * own + share * others
+        return Density(self.nodes, np.log(np.maximum(total, FAINT * total.max())), self.position)
+
     @property
     def mean(self) -> float:
         """Posterior mean, in the even coordinate."""

@@ -11,6 +11,7 @@ from psflut import evidence, restore, texture
 from psflut.candidates import solve
 from psflut.density import Density
 from psflut.estimation import Problem
+from psflut.gross import with_gross_errors
 from psflut.imagers import Imager
 from psflut.laplace import Fit
 from psflut.spread import Spread, spread
@@ -34,7 +35,7 @@ class Grid:
     spread : callable
         Of the table's own errors, `psflut.spread`.
     density : Density
-        The posterior: `exact`, widened by that spread.
+        The posterior: `exact`, with gross errors (`psflut.gross`) and widened by that spread.
     misfit : float
         Deviance an annulus of the likeliest distance, see `evidence.misfit`.
     """
@@ -56,7 +57,8 @@ def grid(problem: Problem, candidates: int) -> Grid:
     found = solve(problem.power, noise, bank)
     width = spread(problem.table, problem.shape, found.bank, noise, found.fit.log_evidence, found.fit.theta)
     exact = Density(found.bank.even, found.fit.log_evidence, problem.table.position)
-    return Grid(found.bank, problem.power, noise, found.fit, exact, width, exact.widened(width), found.misfit)
+    density = with_gross_errors(exact, bank.prior.gross).widened(width)
+    return Grid(found.bank, problem.power, noise, found.fit, exact, width, density, found.misfit)
 
 
 def restored(problem: Problem, found: Grid, distance: float) -> Floats:

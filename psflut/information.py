@@ -111,7 +111,7 @@ def of_texture(scenes: Textures, sensor: Sensor) -> Floats:
     out; powers are so nearly normal in the logarithm that what V tells by their variance is left out too.
     """
     bank, prior = scenes.bank, scenes.bank.prior
-    scatter = covariance(scenes.shape) / prior.efficiency + prior.roughness**2 * np.eye(len(bank.shape))
+    scatter = covariance(scenes.shape) + prior.roughness**2 * np.eye(len(bank.shape))
     inverse, order = np.linalg.inv(scatter), np.argsort(bank.even)
     slopes = CubicSpline(bank.even[order], bank.attenuation[order])(bank.even, 1)
     rows = []

@@ -13,7 +13,7 @@ on lab16mm.) The table is taken as free of errors and the distance as free of a 
 span adds is `Limits.within`.
 
 Scenes are stationary Gaussian fields here. Photographs are not: their powers scatter more
-(`TexturePrior.efficiency`, `roughness`). ``prior=texture.learnt()`` has this counted.
+(`TexturePrior.roughness`). ``prior=texture.learnt()`` has this counted.
 """
 
 from dataclasses import dataclass, replace
@@ -136,7 +136,7 @@ def bound(
     else:
         if contrast is None and setup_of(table).normalise:
             contrast = NORMALISED_CONTRAST
-        prior = prior or replace(texture.learnt(), efficiency=1.0, roughness=0.0)
+        prior = prior or replace(texture.learnt(), roughness=0.0)
         median = information.contrast(prior, imager)
         contrast = contrast or median
         scenes = information.textures(table, shape, imager, prior, contrast / median, COUNT)

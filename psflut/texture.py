@@ -5,9 +5,9 @@
 P_j are the Legendre polynomials: theta_0 is the contrast, theta_1 the slope of the power law that natural
 scenes follow, the others bend it. The contrast is left free (a wide normal, independent of the rest), so
 that gain does not move a distance. Three more numbers say how far real patches are from this: beyond the smooth
-curve the power of an annulus scatters by ``roughness``, and it counts for ``efficiency`` of its bins,
-because a scene is not the stationary Gaussian field of the model; ``misfit`` is the scatter that half of all scenes
-show, and those with more count for less (`psflut.evidence.discount`).
+curve the power of an annulus scatters by ``roughness``; ``misfit`` is the scatter that a quarter of all scenes keep
+below, and those with more count for less (`psflut.evidence.discount`); a ``gross`` share of scenes misleads without
+showing it (`psflut.gross`).
 
 The numbers are learnt by `calib.textures`; ``texture.json`` holds them with where they come from.
 """
@@ -39,18 +39,18 @@ class TexturePrior:
     covariance : (J, J) array
     roughness : float
         Standard deviation of ln power around the smooth curve, in nats.
-    efficiency : float
-        In (0, 1]: effective bins over those that the taper leaves.
     misfit : float
-        Median of `psflut.evidence.misfit` over captures of photographs.
+        Lower quartile of `psflut.evidence.misfit` over captures of photographs.
+    gross : float
+        Share of scenes whose distances err several times as much as the model says.
     provenance : mapping
     """
 
     mean: Floats
     covariance: Floats
     roughness: float
-    efficiency: float
     misfit: float
+    gross: float
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     @cached_property
@@ -61,9 +61,9 @@ class TexturePrior:
     def shape(self, effective: Floats) -> Floats:
         """Shape of the gamma distribution of an annulus of so many effective bins.
 
-        The relative variance of its mean power is 1 / (efficiency n) + roughness^2.
+        The relative variance of its mean power is 1 / n + roughness^2.
         """
-        return 1.0 / (1.0 / (self.efficiency * effective) + self.roughness**2)
+        return 1.0 / (1.0 / effective + self.roughness**2)
 
     def draw(self, frequency: Floats, rng: np.random.Generator, count: int) -> Floats:
         """`count` spectra S at those frequencies (cycles a pixel): (count, K)."""
@@ -86,7 +86,7 @@ def learnt() -> TexturePrior:
         mean=np.array(numbers["mean"]),
         covariance=np.array(numbers["covariance"]),
         roughness=numbers["roughness"],
-        efficiency=numbers["efficiency"],
         misfit=numbers["misfit"],
+        gross=numbers["gross"],
         provenance=numbers["provenance"],
     )

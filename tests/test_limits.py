@@ -47,7 +47,7 @@ def test_a_linear_estimate_on_drawn_fields_errs_by_the_bound(lab16mm):
     """
     distance, step = 1.37, 0.01
     prior = texture.learnt()
-    prior = replace(prior, mean=prior.mean[:2], covariance=np.diag([1e4, 1e4]), efficiency=1.0, roughness=0.0)
+    prior = replace(prior, mean=prior.mean[:2], covariance=np.diag([1e4, 1e4]), roughness=0.0)
     frequency = np.hypot(fft.fftfreq(LARGE[0])[:, None], fft.rfftfreq(LARGE[1]))
     frequency[0, 0] = frequency[0, 1]
     spectrum = np.exp(texture.basis(frequency.ravel(), 2) @ prior.mean).reshape(frequency.shape)

@@ -91,6 +91,7 @@ def shares_from_one_mode(trials, rng):
         side = np.flatnonzero(np.sign(found.bank.even) == rng.choice([-1, 1]))
         best = side[np.argmax(found.fit.log_evidence[side])]
         start = np.r_[found.bank.even[best], found.fit.theta[best]] + 1e-4 * rng.standard_normal((32, 11))
+        start[:, 0] = np.clip(start[:, 0], found.bank.even.min(), found.bank.even.max())
         sampler = emcee.EnsembleSampler(
             32, 11, chain.log_probability(found, False), moves=emcee.moves.DEMove(), vectorize=True
         )

@@ -11,6 +11,7 @@ from psflut.density import Density, Mode, interval_of, mirrored, tails
 from psflut.errors import PsflutError
 from psflut.estimation import AbstractEstimator, Curve, Estimate, Outcome, Problem, judge
 from psflut.grid import Grid, grid, restored
+from psflut.gross import moved
 from psflut.predictive import predict
 
 Floats = NDArray[np.float64]
@@ -26,9 +27,9 @@ class Posterior(AbstractEstimator):
     populated by its weight. `psflut.chain` says how they move.
 
     ``detail`` keeps ``chain`` (steps, walkers, dimensions), ``names`` of the dimensions, the ``distances`` drawn
-    (metres), moved by the table's own errors (`psflut.spread`) as interval and modes are but the chain is not,
-    ``log_probability`` (steps, walkers), ``restored``, and the ``prediction`` of the patch's spectrum
-    (`psflut.predictive`). ``stats`` gives the autocorrelation time and
+    (metres), moved by gross errors (`psflut.gross`) and the table's own (`psflut.spread`) as interval and modes are
+    but the chain is not, ``log_probability`` (steps, walkers), ``restored``, and the ``prediction`` of the patch's
+    spectrum (`psflut.predictive`). ``stats`` gives the autocorrelation time and
     the effective sample size.
 
     Parameters
@@ -62,7 +63,7 @@ class Posterior(AbstractEstimator):
 
     def _estimate(self, problem: Problem, found: Grid, chain: Chain) -> Estimate:
         drawn = chain.points[:, :, 0].ravel()
-        even = _with_errors_of_the_table(drawn, found, np.random.default_rng(self.seed))
+        even = _with_errors(drawn, found, np.random.default_rng(self.seed))
         modes = _modes(even, found.density)
         outcome, stats = judge(found.density)
         if not chain.converged:
@@ -95,10 +96,11 @@ class Posterior(AbstractEstimator):
         )
 
 
-def _with_errors_of_the_table(even: Floats, found: Grid, rng: np.random.Generator) -> Floats:
-    """Draws of distance that the table's own errors have moved, as `Density.widened` moves the grid's."""
-    moved = even + found.spread(even) * rng.standard_normal(even.shape)
-    return mirrored(moved, found.bank.even.min(), found.bank.even.max())
+def _with_errors(even: Floats, found: Grid, rng: np.random.Generator) -> Floats:
+    """Draws of distance that gross errors and the table's own have moved, as they moved the grid's density."""
+    low, high = found.bank.even.min(), found.bank.even.max()
+    even = mirrored(moved(even, found.exact, found.bank.prior.gross, rng), low, high)
+    return mirrored(even + found.spread(even) * rng.standard_normal(even.shape), low, high)
 
 
 def _modes(even: Floats, density: Density) -> tuple[Mode, ...]:

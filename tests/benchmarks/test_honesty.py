@@ -18,6 +18,7 @@ from psflut import evidence, texture
 from psflut.candidates import solve
 from psflut.capture import capture, psf_of
 from psflut.density import Density
+from psflut.gross import with_gross_errors
 from psflut.imagers.plain import Plain
 from psflut.images import read_image
 from psflut.noise import Noise
@@ -38,9 +39,9 @@ def photographs():
 
 @functools.cache
 def priors():
-    """For each photograph what the others teach; the two numbers of `calib.efficiency` are those of all."""
+    """For each photograph what the others teach; the two numbers of `calib.gross` are those of all."""
     groups = [spectra(photographs(), size, len(texture.learnt().mean)) for size in SIZES]
-    rest = {"efficiency": texture.learnt().efficiency, "misfit": texture.learnt().misfit}
+    rest = {"misfit": texture.learnt().misfit, "gross": texture.learnt().gross}
     return [replace(learn([g.without(k) for g in groups]), **rest) for k in range(len(photographs()))]
 
 
@@ -64,12 +65,13 @@ def read(table, side):
     rings = annuli((side, side))
     first = evidence.bank(table, (side, side), Plain(), priors()[0], 200)
     noise, cut = evidence.noise_power(first, NOISE, 0.0), (128 - side) // 2
+    banks = [first.under(prior, rings) for prior in priors()]
     rows = []
     for k, distance, image in captures(table):
-        prior = priors()[k]
-        bank = replace(first, shape=prior.shape(rings.effective), prior=prior)
+        bank = banks[k]
         found = solve(annular_power(image[cut : cut + side, cut : cut + side]), noise, bank)
-        density = Density(found.bank.even, found.fit.log_evidence, table.position)
+        exact = Density(found.bank.even, found.fit.log_evidence, table.position)
+        density = with_gross_errors(exact, bank.prior.gross)
         rows.append((distance, density.modes()[0].distance, *density.interval(0.95), *density.interval(0.68)))
     return np.array(rows).T
 

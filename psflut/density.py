@@ -65,6 +65,11 @@ class Density:
         log = CubicSpline(self.even[order], self.log_density[order])(self.nodes)
         return np.asarray(np.exp(log - log.max()))
 
+    @property
+    def log_values(self) -> Floats:
+        """(FINE,) logarithm of `values`, never less than that of what counts as no density at all."""
+        return np.log(np.maximum(self.values, FAINT))
+
     @cached_property
     def cumulative(self) -> Floats:
         """(FINE,) probability below each node, by the trapezium rule."""
@@ -98,7 +103,7 @@ class Density:
         """The density of a coordinate that follows another density, on the same grid, with that probability."""
         own, others = (each.values / each.values.sum() for each in (self, other))
         total = (1 - share) * own + share * others
-        return Density(self.nodes, np.log(np.maximum(total, FAINT * total.max())), self.position)
+        return Density(self.nodes, np.log(np.maximum(total / total.max(), FAINT)), self.position)
 
     @property
     def mean(self) -> float:
@@ -128,6 +133,10 @@ class Density:
 
     def modes(self) -> tuple[Mode, ...]:
         """The modes, heaviest first."""
+        return self._modes
+
+    @cached_property
+    def _modes(self) -> tuple[Mode, ...]:
         shares = np.interp(self.borders, self.nodes, self.cumulative)
         medians = self.position(self.quantile(0.5 * (shares[1:] + shares[:-1])))
         modes = [Mode(float(z), float(w)) for z, w in zip(medians, np.diff(shares), strict=True)]

@@ -258,6 +258,23 @@ def judge(density: Density) -> tuple[Outcome, dict[str, Any]]:
     return (Outcome.AT_EDGE, {"edge": edge}) if edge else (Outcome.OK, {})
 
 
+def conclude(
+    problem: Problem, density: Density, curve: Curve, stats: Mapping[str, Any], detail: Mapping[str, Any]
+) -> Estimate:
+    """The estimate that a posterior density makes: the median of its heaviest mode, its interval, its outcome."""
+    outcome, told = judge(density)
+    return Estimate(
+        distance=density.modes()[0].distance,
+        interval=density.interval(problem.level),
+        level=problem.level,
+        outcome=outcome,
+        modes=density.modes(),
+        curve=curve,
+        stats={**told, **stats},
+        detail=detail,
+    )
+
+
 def prior_density(table: PSFTable, span: tuple[float, float] | None = None) -> Density:
     """What is known before the patch is seen: flat in vergence (or stage) over the span, metres; else the table's."""
     low, high = np.sort(table.even(span or table.span))

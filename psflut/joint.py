@@ -21,6 +21,7 @@ from psflut.density import Density, tails
 from psflut.errors import PsflutError
 from psflut.estimation import Problem
 from psflut.grid import cached_bank
+from psflut.gross import with_gross_errors
 from psflut.spread import between, placement
 from psflut.table import PSFTable
 from psflut.units import format_length
@@ -169,7 +170,9 @@ def _amplitude(pair: Crossing, even: Floats, places: Floats, found: Residual) ->
     ]
     both = replace(one, even=even, attenuation=parts[0] + parts[1])
     solved = solve(power, np.ones_like(power), both)
-    return CubicSpline(solved.bank.even, solved.fit.log_evidence)
+    alone = Density(solved.bank.even, solved.fit.log_evidence, pair.first.table.position)
+    density = with_gross_errors(alone, solved.bank.prior.gross)
+    return CubicSpline(density.nodes, density.log_values)
 
 
 def _density(first: Problem, second: Problem, even: Floats, log: Floats) -> Density:

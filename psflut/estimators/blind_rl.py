@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline
 from psflut import evidence
 from psflut.density import Density
 from psflut.errors import PsflutError
-from psflut.estimation import AbstractEstimator, Curve, Estimate, Problem, judge
+from psflut.estimation import AbstractEstimator, Curve, Estimate, Problem, conclude
 from psflut.grid import cached_bank
 from psflut.laplace import curvature
 from psflut.restore import blind_richardson_lucy, nonnegative
@@ -102,17 +102,12 @@ class BlindRl(AbstractEstimator):
         score = _score(problem.power, noise, theta, fine)
         width = spread(table, problem.shape, fine, noise, self.tempering * score, theta)
         density = Density(fine.even, self.tempering * score, table.position).widened(width)
-        outcome, stats = judge(density)
-        modes = density.modes()
-        restored, psf, _ = self._restored(problem, table.at(modes[0].distance))
-        return Estimate(
-            distance=modes[0].distance,
-            interval=density.interval(problem.level),
-            level=problem.level,
-            outcome=outcome,
-            modes=modes,
-            curve=Curve(table.position(fine.even), score, "log evidence of the restoration"),
-            stats={**stats, "tempering": self.tempering},
+        restored, psf, _ = self._restored(problem, table.at(density.modes()[0].distance))
+        return conclude(
+            problem,
+            density,
+            Curve(table.position(fine.even), score, "log evidence of the restoration"),
+            stats={"tempering": self.tempering},
             detail={"restored": restored, "psf": psf},
         )
 

@@ -1,7 +1,7 @@
 """Distance of straight edges between black and white: a printed target, a door frame, a roof line."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, lru_cache, partial
 from typing import ClassVar
 
@@ -12,7 +12,7 @@ from scipy import signal
 from psflut import restore, spread
 from psflut.density import Density
 from psflut.edges import Sampled, Search
-from psflut.estimation import AbstractEstimator, Curve, Estimate, Outcome, Problem, judge
+from psflut.estimation import AbstractEstimator, Curve, Estimate, Outcome, Problem, conclude
 from psflut.imagers import Imager
 from psflut.table import PSFTable
 
@@ -58,19 +58,16 @@ class Edge(AbstractEstimator):
         log, misfit = _log_likelihood(problem, edges, positions)
         exact = Density(problem.table.even(positions), log, problem.table.position)
         density = exact.widened(partial(spread.along, problem.table))
-        outcome, stats = judge(density) if edges else (Outcome.FLAT, {})
-        modes = density.modes()
         ratio = problem.noise.read**2 / max(float(np.var(problem.image)), 1e-30)
-        return Estimate(
-            distance=modes[0].distance,
-            interval=density.interval(problem.level),
-            level=problem.level,
-            outcome=outcome,
-            modes=modes,
-            curve=Curve(positions, log, "log likelihood"),
-            stats={**stats, "edges": len(edges), "misfit": misfit},
-            detail={"restored": restore.wiener(problem.image, problem.table.at(modes[0].distance), ratio)},
+        restored = restore.wiener(problem.image, problem.table.at(density.modes()[0].distance), ratio)
+        estimate = conclude(
+            problem,
+            density,
+            Curve(positions, log, "log likelihood"),
+            stats={"edges": len(edges), "misfit": misfit},
+            detail={"restored": restored},
         )
+        return estimate if edges else replace(estimate, outcome=Outcome.FLAT)
 
 
 def _log_likelihood(problem: Problem, edges: Sequence[Sampled], positions: Floats) -> tuple[Floats, float]:

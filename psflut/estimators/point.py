@@ -1,6 +1,6 @@
 """Distance of a lone bright point: star, bead, lamp."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from typing import ClassVar
 
@@ -10,7 +10,7 @@ from scipy import fft
 
 from psflut import pointfit, spread
 from psflut.density import Density
-from psflut.estimation import AbstractEstimator, Curve, Estimate, Outcome, Problem, judge, nothing_to_see
+from psflut.estimation import AbstractEstimator, Curve, Estimate, Outcome, Problem, conclude, nothing_to_see
 from psflut.imagers import Imager
 from psflut.table import PSFTable
 
@@ -51,19 +51,13 @@ class Point(AbstractEstimator):
         found = pointfit.fit(window, bank, problem.noise, problem.imager.signed)
         exact = Density(bank.even, found.log_evidence, problem.table.position)
         density = exact.widened(partial(spread.along, problem.table))
-        outcome, stats = judge(density)
-        modes = density.modes()
-        best = int(np.argmin(np.abs(bank.even - problem.table.even(modes[0].distance))))
+        best = int(np.argmin(np.abs(bank.even - problem.table.even(density.modes()[0].distance))))
         middle = place + found.place
-        return Estimate(
-            distance=modes[0].distance,
-            interval=density.interval(problem.level),
-            level=problem.level,
-            outcome=Outcome.SATURATED if np.any(window == 1.0) else outcome,
-            modes=modes,
-            curve=Curve(problem.table.position(bank.even), found.log_evidence, "log evidence"),
+        estimate = conclude(
+            problem,
+            density,
+            Curve(problem.table.position(bank.even), found.log_evidence, "log evidence"),
             stats={
-                **stats,
                 "misfit": found.misfit,
                 "y": float(middle[0]),
                 "x": float(middle[1]),
@@ -72,6 +66,7 @@ class Point(AbstractEstimator):
             },
             detail={"restored": _drawn(problem.shape, middle, found.flux[best], found.level[best])},
         )
+        return replace(estimate, outcome=Outcome.SATURATED) if np.any(window == 1.0) else estimate
 
 
 @lru_cache(maxsize=8)

@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from psflut.errors import PsflutError
-from psflut.estimation import AbstractEstimator, Curve, Estimate, Problem, judge, nothing_to_see
+from psflut.estimation import AbstractEstimator, Curve, Estimate, Problem, conclude, nothing_to_see
 from psflut.joint import join, overlap
 from psflut.noise import Noise
 from psflut.table import PSFTable
@@ -63,17 +63,12 @@ class TwoImage(AbstractEstimator):
         if problem.is_flat and second.is_flat:
             return nothing_to_see(problem, span)
         found = join(problem, second, self.candidates)
-        outcome, stats = judge(found.density)
-        modes = found.density.modes()
         down, across = map(float, found.shift)
-        return Estimate(
-            distance=modes[0].distance,
-            interval=found.density.interval(problem.level),
-            level=problem.level,
-            outcome=outcome,
-            modes=modes,
-            curve=Curve(problem.table.position(found.even), found.log_evidence, "log evidence"),
-            stats={**stats, "misfit": found.misfit, "gain": found.gain, "shift_y": down, "shift_x": across},
+        return conclude(
+            problem,
+            found.density,
+            Curve(problem.table.position(found.even), found.log_evidence, "log evidence"),
+            stats={"misfit": found.misfit, "gain": found.gain, "shift_y": down, "shift_x": across},
             detail={"restored": found.restored},
         )
 

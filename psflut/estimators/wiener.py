@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from psflut.budget import budget
-from psflut.estimation import AbstractEstimator, Curve, Estimate, Problem, judge
+from psflut.estimation import AbstractEstimator, Curve, Estimate, Problem, conclude
 from psflut.grid import grid, restored
 
 
@@ -30,16 +30,11 @@ class Wiener(AbstractEstimator):
     def solve(self, problem: Problem) -> Estimate:
         """See `AbstractEstimator`."""
         found = grid(problem, self.candidates)
-        outcome, stats = judge(found.density)
-        modes = found.density.modes()
-        positions = problem.table.position(found.bank.even)
-        return Estimate(
-            distance=modes[0].distance,
-            interval=found.density.interval(problem.level),
-            level=problem.level,
-            outcome=outcome,
-            modes=modes,
-            curve=Curve(positions, found.fit.log_evidence, "log evidence"),
-            stats={**stats, "misfit": found.misfit, "budget": budget(found, problem.table, modes[0].distance)},
-            detail={"restored": restored(problem, found, modes[0].distance)},
+        distance = found.density.modes()[0].distance
+        return conclude(
+            problem,
+            found.density,
+            Curve(problem.table.position(found.bank.even), found.fit.log_evidence, "log evidence"),
+            stats={"misfit": found.misfit, "budget": budget(found, problem.table, distance)},
+            detail={"restored": restored(problem, found, distance)},
         )

@@ -1,13 +1,13 @@
 """Figures of a comparison: estimates, errors and scatter against the true distance (thesis 5.2.2 to 5.2.7)."""
 
 from collections.abc import Mapping, Sequence
+from textwrap import fill
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.ticker import FuncFormatter
 from numpy.typing import NDArray
 
 from psflut.limits import Limits
@@ -141,8 +141,6 @@ def reliability(records: Sequence[Record], level: float, span: float | None = No
     cost.barh(list(methods), seconds, color=list(methods.values()))
     cost.invert_yaxis()
     cost.set(xscale="log", xlabel="median time of a patch on one core (s)")
-    for axis in (width.yaxis, risk.yaxis, cost.xaxis):
-        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     figure.legend(*covers.get_legend_handles_labels(), loc="outside lower center", ncols=len(methods))
     return figure
 
@@ -150,12 +148,12 @@ def reliability(records: Sequence[Record], level: float, span: float | None = No
 def _single(title: str) -> tuple[Figure, Axes]:
     figure = Plot(figsize=(6.4, 4.2), layout="constrained")
     axis = figure.subplots()
-    axis.set_title(title)
+    axis.set_title(fill(title, 90))
     return figure, axis
 
 
 def _finished(figure: Figure, axis: Axes) -> Figure:
-    axis.set(yscale="log", xlabel="object distance (m)")
-    axis.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_yscale("log", nonpositive="mask")
+    axis.set_xlabel("object distance (m)")
     figure.legend(loc="outside upper center", ncols=3)
     return figure

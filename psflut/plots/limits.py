@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter
 
 from psflut.limits import GOOD, Limits
 from psflut.plots.look import COLOURS, INK, Plot, styled
@@ -23,6 +22,5 @@ def limits(bounds: Mapping[str, Limits], title: str = "") -> Figure:
         axis.axvspan(*span, color=INK, alpha=0.15, lw=0, label=None if number else "blind")
     axis.set(yscale="log", xlim=(best.axis[0], best.axis[-1]), title=title)
     axis.set(xlabel=f"{best.kind} (m)", ylabel=f"Cramer-Rao bound (% of the {of})")
-    axis.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     figure.legend(loc="outside upper center", ncols=3)
     return figure

@@ -34,6 +34,7 @@ LOOK: Any = {
     "figure.dpi": 120,
     "savefig.dpi": 160,
     "image.cmap": "gray",
+    "axes.formatter.min_exponent": 4,  # 0.1 and 40 on axes of logarithms, not powers of ten
 }
 
 

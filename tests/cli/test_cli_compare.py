@@ -5,7 +5,7 @@ import csv
 import numpy as np
 import pytest
 
-from psflut import capture
+from psflut import capture, gallery
 from psflut.images import write_tiff
 from psflut.results import read_csv, read_zarr
 
@@ -26,7 +26,15 @@ def frames(tmp_path_factory, lab16mm, scene):
     return folder / "captures.csv"
 
 
-def test_a_comparison_leaves_results_timings_and_a_summary(psflut, tmp_path):
+@pytest.fixture(autouse=True)
+def drawn(monkeypatch):
+    """Folders in which figures would be drawn, which takes seconds; tests/test_plots_comparison.py draws them."""
+    folders = []
+    monkeypatch.setattr(gallery, "draw", lambda bench, records, folder: folders.append(folder.absolute()))
+    return folders
+
+
+def test_a_comparison_leaves_results_timings_and_a_summary(psflut, drawn, tmp_path):
     code, out, err = psflut("compare", *FAST, *METHODS, "-o", "out")
     assert code == 0, err
     records = read_csv(tmp_path / "out" / "results.csv")
@@ -34,6 +42,7 @@ def test_a_comparison_leaves_results_timings_and_a_summary(psflut, tmp_path):
     assert [r._replace(seconds=0) for r in read_zarr(tmp_path / "out" / "results.zarr")] == [
         r._replace(seconds=0) for r in records
     ]
+    assert drawn == [tmp_path / "out" / "figures"]
     assert len((tmp_path / "out" / "timings.csv").read_text().splitlines()) == 9
     with (tmp_path / "out" / "summary.csv").open() as file:
         summary = {row["method"]: row for row in csv.DictReader(file)}

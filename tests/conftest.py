@@ -56,6 +56,14 @@ def lab_patch(lab16mm, scene):
     return capture.simulate(scene, lab16mm, 1.63, setup, seed=1)[0][64:192, 64:192]
 
 
+@pytest.fixture(scope="session")
+def big():
+    """A sharp photograph, (256, 256), larger than what is captured of it."""
+    from skimage import data
+
+    return data.camera()[::2, ::2] / 255.0
+
+
 @pytest.fixture
 def rng():
     return np.random.default_rng(20260101)

@@ -15,7 +15,8 @@ FORMAT = "psflut-compare 1"
 class Journal:
     """Records of a run in a file, and of those that were there before.
 
-    The first line holds the settings of the run. A last line that was torn by a kill or a full disk is dropped.
+    The first line holds the settings of the run, which count once there is a record. A last line that was torn by a
+    kill or a full disk is dropped.
     Use it as a context.
 
     Parameters
@@ -37,10 +38,11 @@ class Journal:
         try:
             lines = _whole_lines(path)
             self.records = _records(path, lines, head) if lines else []
-            self._file = path.open("r+b" if lines else "wb")
-            self._file.truncate(sum(map(len, lines)))
-            self._file.seek(0, os.SEEK_END)
-            if not lines:
+            self._file = path.open("r+b" if self.records else "wb")
+            if self.records:
+                self._file.truncate(sum(map(len, lines)))
+                self._file.seek(0, os.SEEK_END)
+            else:  # nothing binds whoever begins
                 self._write([head])
         except OSError as error:
             raise PsflutError(
@@ -84,7 +86,7 @@ def _records(path: Path, lines: list[bytes], head: Mapping[str, Any]) -> list[Re
         raise PsflutError(f"{path} is no journal of this psflut ({error}); choose another folder with -o") from error
     old, new = found["settings"], head["settings"]
     for name in sorted(old.keys() | new.keys()):
-        if old.get(name) != new.get(name):
+        if records and old.get(name) != new.get(name):
             raise PsflutError(
                 f"{path.parent} holds a comparison with other settings ({name} {old.get(name)}, not {new.get(name)}); "
                 "choose another folder with -o"

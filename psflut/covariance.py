@@ -1,4 +1,4 @@
-"""How the powers of neighbouring annuli vary together: what the taper makes of independent bins."""
+"""How the powers of neighbouring annuli vary together: what the taper makes of a field's independent frequencies."""
 
 from functools import lru_cache
 
@@ -10,38 +10,55 @@ from psflut.spectrum import annuli
 
 Floats = NDArray[np.float64]
 
-FAINT = 1e-6
-"""Squared correlation of two bins below which it is left out; a Hann window's reaches two bins."""
+REACH = 5
+"""Bins (squared distance) up to which two are taken to be correlated; the transform of a squared Hann window reaches
+two each way."""
 
 
-@lru_cache(maxsize=8)
-def covariance(shape: tuple[int, int]) -> Floats:
-    """Covariance of the annuli's relative powers P_k / V_k, (K, K), for patches of that shape.
+def covariance(shape: tuple[int, int], power: Floats) -> Floats:
+    """Covariance of the annuli's relative powers P_k / V_k, (K, K), for patches of that shape of a Gaussian field.
 
-    Of a stationary Gaussian field whose spectrum is level over a few bins, the tapered transforms at bins i and j have
-    the correlation W(i - j), with W the transform of the squared taper, W(0) = 1, so that
+    With F the field's power spectrum and U the transform of the taper, the tapered transforms at bins i and j have the
+    covariance G(i, j) = sum_f F(f) U(i - f) U*(j - f), so that
 
-        cov(P_i / V_i, P_j / V_j) = |W(i - j)|^2 + |W(i + j)|^2
+        cov(P_i, P_j) = |G(i, j)|^2 + |G(i, -j)|^2
 
-    (Percival and Walden 1993, chapter 6), summed here over the bins of two annuli. Its whole sum agrees with
-    `Annuli.effective`; what that leaves out is that a Hann window's neighbours share 0.46 of their variance, which
-    matters where the transfer function changes from one annulus to the next: near the zeros of a large blur disc.
+    (Percival and Walden 1993, chapter 6), summed here over the bins of two annuli. Of a white field a Hann window's
+    neighbours share 0.45 of their variance. Of a steep one that is not so where power leaks in from either side: across
+    the first zero of a large blur disc 0.1 is left. On lab16mm at 0.95 m the bound is 0.98 % with that, 0.86 % without.
+
+    Parameters
+    ----------
+    shape : (H, W)
+    power : (2 H, W + 1) array
+        F of the capture, on the grid of `Annuli.doubled`; up to a factor.
     """
     rings, (height, width) = annuli(shape), shape
-    transform = fft.fft2(rings.taper**2)
-    squared = np.abs(transform / transform[0, 0]) ** 2
-    count = len(rings.frequency) + 1
+    count, column = len(rings.frequency) + 1, np.arange(width)
     index = _whole_plane(rings.index, width)
-    column = np.arange(width)
     # Of the half plane whose bins are averaged, an inner one stands here for itself and its mirror image.
     weight = np.where((column == 0) | (2 * column == width), 1.0, 0.5) * np.ones((height, 1))
     weight /= np.bincount(index.ravel(), weight.ravel())[index]
-    total = np.zeros(count**2)
-    for offset in np.argwhere(squared > FAINT):
-        other, share = (np.roll(plane, offset, axis=(0, 1)) for plane in (index, weight))
-        pairs = np.bincount((index * count + other).ravel(), (weight * share).ravel(), minlength=count**2)
-        total += 2.0 * squared[tuple(offset)] * pairs
-    return np.asarray(total.reshape(count, count)[:-1, :-1])
+    lags, total = fft.irfft2(power, s=rings.doubled), np.zeros((count, count))
+    for offset, product in _products(shape).items():
+        folded = (lags * product).reshape(2, height, 2, width).sum(axis=(0, 2))  # every other bin is asked for
+        shared = fft.fft2(folded)
+        if offset == (0, 0):
+            mean = np.bincount(index.ravel(), weight.ravel() * shared.real.ravel())
+        other, share = (np.roll(plane, (-offset[0], -offset[1]), axis=(0, 1)) for plane in (index, weight))
+        each = (weight * share * np.abs(shared) ** 2).ravel()
+        pairs = np.bincount((index * count + other).ravel(), each, minlength=count**2).reshape(count, count)
+        total += 2.0 * pairs if offset == (0, 0) else 2.0 * (pairs + pairs.T)
+    return np.asarray((total / np.outer(mean, mean))[:-1, :-1])
+
+
+@lru_cache(maxsize=2)
+def _products(shape: tuple[int, int]) -> dict[tuple[int, int], NDArray[np.complex128]]:
+    """For an offset d between two bins, one of each d and -d: sum_x w(x) w(x + lag) exp(2 pi i d x) by lag."""
+    taper = annuli(shape).taper
+    base = fft.fft2(taper, s=annuli(shape).doubled)
+    near = [(y, x) for y in range(-2, 3) for x in range(3) if (x, y) >= (0, 0) and y * y + x * x <= REACH]
+    return {(y, x): fft.ifft2(base * np.roll(base, (-2 * y, -2 * x), axis=(0, 1)).conj()) for y, x in near}
 
 
 def _whole_plane(half: NDArray[np.intp], width: int) -> NDArray[np.intp]:

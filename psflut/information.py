@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicSpline, interp1d
 
 from psflut import evidence
 from psflut.covariance import covariance
@@ -27,6 +27,10 @@ LEVEL = 0.5
 
 DRAWS, SEED = 200, 0
 """Of scenes from the prior."""
+
+SPARSE = 2
+"""Steps between positions at which the covariance of annuli is worked out: it changes as zeros of the transfer function
+move, by a quarter of an annulus in so many."""
 
 REFERENCE, SLOWEST = (128, 128), 2.5 / 128
 """A patch over which contrast is meant, and frequencies (cycles a pixel) below which none is counted: the prior hardly
@@ -64,18 +68,41 @@ class Textures:
     bank : evidence.Bank
         At the M positions.
     shape : (H, W)
+    table : PSFTable
     spectra : (D, K) array
         S of every scene in each annulus.
+    typical : (J,) array
+        theta of the prior's mean scene, with the contrast of the others.
     """
 
     bank: evidence.Bank
     shape: tuple[int, int]
+    table: PSFTable
     spectra: Floats
+    typical: Floats
 
     def noise(self, sensor: Sensor, position: int) -> Floats:
         """(D, K) noise power of the captures at one of the positions."""
-        variance = _variance(self.spectra * self.bank.attenuation[position], self.shape)
-        return sensor.power(self.bank.imager, LEVEL, variance[:, None])
+        return sensor.power(self.bank.imager, LEVEL, self._variances(self.spectra, position)[:, None])
+
+    def scatter(self, sensor: Sensor) -> Floats:
+        """(M, K, K) relative covariance of the powers, of captures of the typical scene; of every `SPARSE`th position,
+        linear between."""
+        rings = annuli(self.shape)
+        frequency = np.hypot(fft.fftfreq(rings.doubled[0])[:, None], fft.rfftfreq(rings.doubled[1]))
+        coefficients = basis(np.maximum(frequency, rings.frequency[0]), len(self.typical))
+        response = sensor.imager.transfer(rings.doubled) ** 2
+        scene, own = np.exp(coefficients @ self.typical) * response, np.exp(self.bank.basis @ self.typical)
+        places, found = np.unique(np.r_[0 : len(self.bank.even) : SPARSE, len(self.bank.even) - 1]), []
+        for position in places:
+            power = self.table.power(rings.doubled, self.table.position(self.bank.even[position]))
+            noise = sensor.power(response, LEVEL, self._variances(own[None], position))
+            found.append(covariance(self.shape, scene * power + noise))
+        return np.asarray(interp1d(places, np.array(found), axis=0)(np.arange(len(self.bank.even))))
+
+    def _variances(self, spectra: Floats, position: int) -> Floats:
+        """(D,) variances of the captures of spectra (D, K)."""
+        return _variance(spectra * self.bank.attenuation[position], self.shape)
 
 
 def textures(
@@ -85,7 +112,8 @@ def textures(
     bank = evidence.bank(table, shape, imager, prior, count)
     theta = np.random.default_rng(SEED).multivariate_normal(prior.mean, prior.covariance, size=DRAWS)
     theta[:, 0] = prior.mean[0] + 2.0 * np.log(gain)
-    return Textures(bank, shape, np.exp(theta @ bank.basis.T))
+    typical = np.append(theta[0, 0], prior.mean[1:])
+    return Textures(bank, shape, table, np.exp(theta @ bank.basis.T), typical)
 
 
 def contrast(prior: TexturePrior, imager: Imager) -> float:
@@ -111,11 +139,13 @@ def of_texture(scenes: Textures, sensor: Sensor) -> Floats:
     out; powers are so nearly normal in the logarithm that what V tells by their variance is left out too.
     """
     bank, prior = scenes.bank, scenes.bank.prior
-    scatter = covariance(scenes.shape) + prior.roughness**2 * np.eye(len(bank.shape))
-    inverse, order = np.linalg.inv(scatter), np.argsort(bank.even)
+    scatter = scenes.scatter(sensor) + prior.roughness**2 * np.eye(len(bank.basis))
+    order = np.argsort(bank.even)
     slopes = CubicSpline(bank.even[order], bank.attenuation[order])(bank.even, 1)
     rows = []
-    for position, (kept, slope) in enumerate(zip(bank.attenuation, slopes, strict=True)):
+    for position, (kept, slope, inverse) in enumerate(
+        zip(bank.attenuation, slopes, np.linalg.inv(scatter), strict=True)
+    ):
         noise = scenes.noise(sensor, position)
         mean = (scenes.spectra * kept + noise)[..., None]
         towards = np.column_stack([slope, kept[:, None] * bank.basis])
@@ -125,14 +155,14 @@ def of_texture(scenes: Textures, sensor: Sensor) -> Floats:
     return np.array(rows)
 
 
-def of_known_scene(scenes: Textures, sensor: Sensor, table: PSFTable) -> Floats:
+def of_known_scene(scenes: Textures, sensor: Sensor) -> Floats:
     """(M, D) information of a patch of a scene that is known, also beyond the border: sum of S |L dH/de|^2 / N."""
     rings = annuli(scenes.shape)
     bins = np.bincount(rings.index.ravel(), _twice(scenes.shape).ravel())[:-1]
     response = sensor.imager.transfer(scenes.shape) ** 2
     rows = []
     for position, even in enumerate(scenes.bank.even):
-        change = np.abs(transfer(_slope(table, even), scenes.shape)) ** 2
+        change = np.abs(transfer(_slope(scenes.table, even), scenes.shape)) ** 2
         told = bins * scenes.spectra * rings.mean(response * change)
         rows.append(np.sum(told / scenes.noise(sensor, position), axis=1))
     return np.array(rows)

@@ -12,6 +12,9 @@ bound, which averages the information instead, is lower, and out of reach where 
 on lab16mm.) The table is taken as free of errors and the distance as free of a prior; what a prior over the table's
 span adds is `Limits.within`.
 
+It is a local bound: where it changes much within its own width no method can reach it. At 4.1 m on lab16mm it is 3.8 %,
+and three times that 0.3 m further; powers drawn from the model itself are read with 5.4 %, biased to the far side.
+
 Scenes are stationary Gaussian fields here. Photographs are not: their powers scatter more
 (`TexturePrior.roughness`). ``prior=texture.learnt()`` has this counted.
 """
@@ -141,7 +144,7 @@ def bound(
         contrast = contrast or median
         scenes = information.textures(table, shape, imager, prior, contrast / median, COUNT)
         known = scene == "known"
-        told = information.of_known_scene(scenes, sensor, table) if known else information.of_texture(scenes, sensor)
+        told = information.of_known_scene(scenes, sensor) if known else information.of_texture(scenes, sensor)
     return _limits(table, told, scene, contrast)
 
 

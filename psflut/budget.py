@@ -19,6 +19,9 @@ from psflut.table import PSFTable
 
 Floats = NDArray[np.float64]
 
+FAINT = 1e-9
+"""Share of the largest attenuation below which one counts as that: no capture shows it."""
+
 STEP = 1e-3
 """Of the derivative by distance, in spans of the table."""
 
@@ -54,9 +57,10 @@ def _sd(bank: Bank, even: Floats, theta: Floats, noise: Floats) -> float:
     ends = np.clip([even[0] - step, even[0] + step], low, high)
     below, above = bank.at(ends)
     kept = bank.at(even)[0]
+    kept = np.maximum(kept, FAINT * kept.max())
     scene = evidence.scene_power(kept, theta, bank)
     weight = bank.shape * (scene / (scene + noise)) ** 2
-    slope = (above - below) / np.diff(ends) / np.maximum(kept, 1e-300)
+    slope = (above - below) / np.diff(ends) / kept
     cross = (weight * slope) @ bank.basis
     told = np.sum(weight * slope**2) - cross @ np.linalg.solve(curvature(weight[None], bank)[0], cross)
     return float(1.0 / np.sqrt(max(told, 1.0 / (high - low) ** 2)))

@@ -14,6 +14,7 @@ from psflut.estimation import Problem
 from psflut.gross import with_gross_errors
 from psflut.imagers import Imager
 from psflut.laplace import Fit
+from psflut.spectrum import annuli
 from psflut.spread import Spread, spread
 from psflut.table import PSFTable
 
@@ -69,8 +70,9 @@ def restored(problem: Problem, found: Grid, distance: float) -> Floats:
     """
     theta = found.fit.theta[np.argmin(np.abs(found.bank.even - problem.table.even(distance)))]
     shape = restore.padded_shape(problem.shape, problem.table.size)
+    # Below the patch's own annuli theta says nothing: polynomials run off to any height there.
     frequency = np.hypot(fft.fftfreq(shape[0])[:, None], fft.rfftfreq(shape[1]))
-    frequency[0, 0] = frequency[0, 1]
+    frequency = np.maximum(frequency, annuli(problem.shape).frequency[0])
     scene = np.exp(texture.basis(frequency.ravel(), len(theta)) @ theta).reshape(frequency.shape)
     response = problem.imager.transfer(shape) ** 2
     noise = problem.noise.power(response, problem.mean_level)

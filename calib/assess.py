@@ -11,7 +11,7 @@ from calib.check import facts, hold_out
 from calib.fill import LEAST as LEAST_FOR_LENS
 from calib.fill import fill, verdict
 from calib.placement import LEAST as LEAST_FOR_PLACEMENT
-from calib.placement import placement, reading_error
+from calib.placement import reading_error
 from calib.pupil_fit import Lens, fit_lens
 from calib.ranges import ranges
 from calib.targets import Measurement
@@ -58,8 +58,7 @@ class Assessment:
             check = facts(found, table.kind)
             if std is None and len(found.position) >= LEAST_FOR_PLACEMENT:
                 reading = reading_error(table, np.stack([each.std for each in measurements]))
-                place = placement(found.noise, reading[1:-1], float(np.ptp(table.axis)))
-                std, check["placement_m"] = place.axis_std(reading), place.sigma
+                std, check["placement_m"] = found.place.axis_std(reading), found.place.sigma
         table = replace(table, axis_std=std)
         if self.model and lens is not None:
             answer = verdict(table, measurements, lens)

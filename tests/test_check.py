@@ -56,7 +56,7 @@ def test_psfs_alone_tell_the_lens(fitted):
 def test_the_held_out_error_is_that_of_fresh_frames(fitted):
     table, frames, lens = fitted
     rng = np.random.default_rng(2)
-    fresh = 1 / rng.uniform(1 / 3.3, 1 / 1.08, 40)
+    fresh = 1 / np.linspace(1 / 3.3, 1 / 1.08, 120)  # the median of 40 at random places scatters by a third
     error = [nearest(table, one.psf) / z - 1 for z, one in zip(fresh, measured(fresh, rng), strict=True)]
     found = hold_out(table.axis, table.kind, frames, table.pixel_pitch, lens)
     true = np.median(np.abs(error))

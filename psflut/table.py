@@ -31,6 +31,13 @@ class PSFTable:
     Compared on a table of an f/2 lens with steps of 0.2 pixel in blur radius, between planes: linear
     interpolation errs by up to 4.0 % of the peak, the cubic spline by 0.36 %, a quintic one by 0.28 %.
 
+    Near focus a step must stay below half a wave of defocus (W020), which is 2 wavelength * f-number in blur radius: an
+    intensity |int P exp(2 pi i W020 rho^2)|^2 has up to one cycle a wave, as rho^2 differs by 1 at most, and needs two
+    planes a cycle. Reading f/2 points of the pupil model in the three steps before focus, steps of 0.64 waves err by up
+    to 0.14, 0.13 and 0.055 of a step, of 0.48 by 0.039, 0.033 and 0.013. No interpolant helps: quintic, Akima, monotone
+    and square-root splines err by 0.11 to 0.15 in the worst step at 0.64 waves, and with planes beyond the end, on the
+    other side of focus, by 0.06 to 0.10. Far from focus pixels average the rings, and longer steps do.
+
     Parameters
     ----------
     axis : (N,) array

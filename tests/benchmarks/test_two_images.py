@@ -20,6 +20,7 @@ from psflut.demo import photograph
 from psflut.estimation import Observation, Problem, estimate
 from psflut.imagers.plain import Plain
 from psflut.images import read_image
+from psflut.information import SLOWEST
 from psflut.joint import join
 from psflut.jointbound import bound
 from psflut.noise import Noise
@@ -110,7 +111,7 @@ def field(prior, rng, side=256):
     """A periodic scene of a spectrum drawn from the prior, and that spectrum's coefficients."""
     theta = rng.multivariate_normal(prior.mean, prior.covariance)
     frequency = np.hypot(fft.fftfreq(side)[:, None], fft.rfftfreq(side))
-    radius = np.maximum(frequency, texture.FREQUENCIES[0]).ravel()
+    radius = np.maximum(frequency, SLOWEST).ravel()  # slower, the polynomials run off and take all the contrast
     spectrum = np.exp(texture.basis(radius, len(theta)) @ theta).reshape(frequency.shape)
     spectrum[0, 0] = 0.0
     scene = fft.irfft2(fft.rfft2(rng.standard_normal((side, side))) * np.sqrt(spectrum), s=(side, side))

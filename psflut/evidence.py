@@ -64,6 +64,11 @@ class Bank:
         return np.asarray(np.maximum(self._spline(np.clip(even, self.even.min(), self.even.max())), 0.0))
 
     @cached_property
+    def products(self) -> Floats:
+        """(K, J * J) products of any two basis functions."""
+        return (self.basis[:, :, None] * self.basis[:, None, :]).reshape(len(self.basis), -1)
+
+    @cached_property
     def _spline(self) -> CubicSpline:
         order = np.argsort(self.even)
         return CubicSpline(self.even[order], self.attenuation[order])

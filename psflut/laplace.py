@@ -117,8 +117,7 @@ class _Search:
 def curvature(weight: Floats, bank: Bank) -> Floats:
     """Curvature of a log density in theta, B' diag(weight) B + inverse prior covariance: (M, K) -> (M, J, J)."""
     terms = bank.basis.shape[1]
-    outer = (bank.basis[:, :, None] * bank.basis[:, None, :]).reshape(-1, terms * terms)
-    return (weight @ outer).reshape(-1, terms, terms) + bank.prior.precision
+    return (weight @ bank.products).reshape(-1, terms, terms) + bank.prior.precision
 
 
 def _derivatives(power: Floats, scene: Floats, mean: Floats, shape: Floats) -> tuple[Floats, Floats, Floats]:

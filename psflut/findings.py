@@ -147,7 +147,9 @@ def descriptions(estimates: Mapping[str, Estimate], intervals: Mapping[float, tu
     found = estimates["posterior"]
     near, far = (length(end) for end in intervals[max(intervals)])
     methods = ", ".join(f"{name} {length(each.distance)}" for name, each in estimates.items())
-    parts = ", ".join(f"{name} {length(sd)}" for name, sd in found.stats.get("budget", {}).items())
+    parts = ", ".join(
+        f"{name} {format_length(float(f'{sd:.2g}'))}" for name, sd in found.stats.get("budget", {}).items()
+    )
     return {
         "posterior": f"Density of distance: highest near {length(found.distance)}, 95 % of it from {near} to {far}.",
         "priors": "Prior and posterior density of distance over the whole table, and prior and posterior of the "

@@ -39,13 +39,14 @@ def spectrum(frequency: Floats, power: Floats, noise: Floats, mean: Floats, repl
         axis.plot(frequency, middle / scale, color=COLOURS[0], lw=1.2, label="predicted")
         axis.plot(frequency, power / scale, "o", ms=2.2, color=COLOURS[1], label="observed")
     top.plot(frequency, noise, color=INK, lw=1, ls="--", label="noise")
-    top.set(xscale="log", xlim=(0.9 * frequency[0], 1.05 * frequency[-1]))
+    top.set_xscale("log")
     bottom.set_xticks([0.02, 0.05, 0.1, 0.2, 0.5], ["0.02", "0.05", "0.1", "0.2", "0.5"])
     bottom.minorticks_off()
     lowest, highest = np.min([power, middle, noise]), np.max([power, middle])
     top.set(yscale="log", ylabel="power (full scale squared)", ylim=(0.3 * lowest, 5 * highest))
     top.legend(loc="upper right")
     bottom.set(ylabel="observed\nby predicted", xlabel="spatial frequency (cycles a pixel)", ylim=(0, RATIO))
+    bottom.set_xlim(0.9 * frequency[0], 1.05 * frequency[-1])
     return figure
 
 
@@ -59,7 +60,13 @@ def budget(parts: Mapping[str, float]) -> Figure:
     axis = figure.subplots()
     for place, (name, sd) in enumerate(reversed(rows)):
         axis.barh(place, sd / METRES[unit], height=0.6, color=INK if name == "together" else COLOURS[0], alpha=0.7)
-        axis.annotate(format_length(sd), (sd / METRES[unit], place), (4, 0), textcoords="offset points", va="center")
+        axis.annotate(
+            format_length(float(f"{sd:.2g}")),
+            (sd / METRES[unit], place),
+            (4, 0),
+            textcoords="offset points",
+            va="center",
+        )
     axis.set_yticks(range(len(rows)), [name for name, _ in reversed(rows)])
     axis.set(xlabel=f"standard deviation ({unit})", xlim=(0, 1.25 * total / METRES[unit]))
     return figure

@@ -26,23 +26,19 @@ def test_a_page_and_its_chain(psflut, shelf, tmp_path):
     assert "96,96,64" in page
     assert out.splitlines()[1].split()[1] == "posterior"
     assert "exists" in psflut(*words)[2]
-    assert psflut(*words, "--overwrite")[0] == 0
-    assert (tmp_path / "page.html").read_text() == page
 
 
 @pytest.mark.parametrize("name", ["chain.nc", "chain.zarr"])
 @pytest.mark.filterwarnings("ignore:.*ArviZ is undergoing a major refactor:FutureWarning")
-def test_the_chain_comes_back_as_it_was(psflut, shelf, tmp_path, name):
+def test_the_chain_comes_back_as_it_was(psflut, shelf, lab16mm, tmp_path, name):
     import xarray
 
     code, _, err = psflut(
-        "estimate", shelf / "capture.tif", *WORDS, "--method", "wiener,posterior:seed=4", "--posterior", name
+        "estimate", shelf / "capture.tif", *WORDS, "--method", "wiener,posterior:steps=60:seed=4", "--posterior", name
     )
     assert code == 0, err
     patch = read_image(shelf / "capture.tif").image[96:160, 96:160]
-    from psflut.store import read_table
-
-    found = estimate(Observation(patch, Noise(0.003)), read_table("lab16mm"), "posterior:seed=4")
+    found = estimate(Observation(patch, Noise(0.003)), lab16mm, "posterior:steps=60:seed=4")
     tree = xarray.open_datatree(tmp_path / name, engine="zarr" if name.endswith("zarr") else "h5netcdf")
     chain = found.detail["chain"]
     assert tree["posterior"].attrs["inference_library"] == "emcee"

@@ -19,11 +19,16 @@
 # single patch of that capture.
 
 # %%
+import os
+
 import numpy as np
 
 from psflut import Noise, Observation, Setup, estimate, plots, read_table, simulate
 from psflut.demo import photograph
 from psflut.estimation import for_any_scene
+
+SIDE = 64 if os.environ.get("PSFLUT_NOTEBOOKS") == "small" else 128  # 64 in the tests, to be quick
+MIDDLE = (slice(128 - SIDE // 2, 128 + SIDE // 2),) * 2
 
 # %% [markdown]
 # ## The table
@@ -46,7 +51,7 @@ plots.psfs(table)
 TRUTH, NOISE = 1.63, Noise(read=0.005)
 scene = photograph()
 image, _ = simulate(scene, table, TRUTH, Setup(noise="0.005"), seed=1)
-patch = image[64:192, 64:192]
+patch = image[MIDDLE]
 plots.pictures({"scene": scene, f"capture at {TRUTH} m": image, "the patch": patch})
 
 # %% [markdown]
@@ -91,7 +96,7 @@ print(f"{posterior.stats['effective_samples']:.0f} effective samples")
 
 # %%
 restored = {f"{method}, {found.distance:.2f} m": found.detail["restored"] for method, found in results.items()}
-plots.pictures({"sharp": scene[64:192, 64:192], "capture": patch, **restored}, columns=3)
+plots.pictures({"sharp": scene[MIDDLE], "capture": patch, **restored}, columns=3)
 
 # %% [markdown]
 # ## Where the data say nothing
@@ -99,7 +104,7 @@ plots.pictures({"sharp": scene[64:192, 64:192], "capture": patch, **restored}, c
 # A patch without texture has no blur to read. The answer is then the prior's interval, and it says so.
 
 # %%
-blank = 0.5 + NOISE.read * np.random.default_rng(0).standard_normal((128, 128))
+blank = 0.5 + NOISE.read * np.random.default_rng(0).standard_normal((SIDE, SIDE))
 nothing = estimate(Observation(blank, NOISE), table, "wiener")
 print(nothing.outcome.name, nothing.interval)
 print(nothing.outcome.value)

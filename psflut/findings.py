@@ -151,7 +151,7 @@ def descriptions(estimates: Mapping[str, Estimate], intervals: Mapping[float, tu
         f"{name} {format_length(float(f'{sd:.2g}'))}" for name, sd in found.stats.get("budget", {}).items()
     )
     return {
-        "posterior": f"Density of distance: highest near {length(found.distance)}, 95 % of it from {near} to {far}.",
+        "posterior": f"Density of distance, heaviest mode at {length(found.distance)}, 95 % from {near} to {far}.",
         "priors": "Prior and posterior density of distance over the whole table, and prior and posterior of the "
         "coefficients of the scene's log spectrum.",
         "spectrum": "Observed power against spatial frequency, the predicted power with a band that holds 95 % of "

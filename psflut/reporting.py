@@ -148,7 +148,7 @@ def _figures(
         seen, names, theta = found.detail["prediction"], found.detail["names"], findings.coefficients(found)
         picked, labels = findings.pairs(samples, points, names, along)
         drawn |= {
-            "posterior": posteriors.posterior(samples, intervals, found.modes, along),
+            "posterior": posteriors.posterior(samples, intervals, found.modes, table.span, along),
             "priors": posteriors.priors(samples, findings.prior(table), theta, *findings.prior_spectrum(), along),
             "spectrum": reports.spectrum(seen.frequency, seen.power, seen.noise, seen.mean, seen.replicated),
             "corner": posteriors.corner(picked, labels),

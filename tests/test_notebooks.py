@@ -7,18 +7,21 @@ import pytest
 SCRIPTS = sorted((Path(__file__).parent.parent / "notebooks").glob("*.py"))
 
 
+@pytest.mark.parametrize("size", ["small", pytest.param("full", marks=pytest.mark.benchmark)])
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.stem)
 # The kernel's own client libraries leave sockets to the collector.
 @pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
-def test_a_notebook_runs(script):
+def test_a_notebook_runs(script, size, monkeypatch):
     import jupytext
     from nbclient import NotebookClient
 
+    monkeypatch.setenv("PSFLUT_NOTEBOOKS", size)
     notebook = jupytext.read(script)
-    NotebookClient(notebook, timeout=120, kernel_name="python3").execute()
-    figures = [output for cell in notebook.cells for output in cell.get("outputs", ()) if "data" in output]
-    assert sum("image/png" in output["data"] for output in figures) >= 3
+    NotebookClient(notebook, timeout=600, kernel_name="python3").execute()
+    outputs = [output for cell in notebook.cells for output in cell.get("outputs", ())]
+    assert sum("image/png" in output.get("data", ()) for output in outputs) >= 3
+    assert "stderr" not in {output.get("name") for output in outputs}
 
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.stem)

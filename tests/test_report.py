@@ -151,7 +151,7 @@ def test_a_pattern_that_no_photograph_has_is_criticised(lab16mm, lab_patch, rng)
 def test_every_mode_has_a_panel(rng):
     samples = np.concatenate([rng.normal(1.0, 0.01, 3000), rng.normal(3.0, 0.1, 1000)])
     modes = [Mode(1.0, 0.75), Mode(3.0, 0.25)]
-    figure = posteriors.posterior(samples, {0.5: (0.99, 1.01), 0.95: (0.98, 3.1)}, modes, "distance (m)")
+    figure = posteriors.posterior(samples, {0.5: (0.99, 1.01), 0.95: (0.98, 3.1)}, modes, (0.5, 5.0), "distance (m)")
     near, far = figure.axes
     for axis, mode in zip((near, far), modes, strict=True):
         assert axis.get_xlim()[0] < mode.distance < axis.get_xlim()[1]

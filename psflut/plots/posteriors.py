@@ -34,17 +34,22 @@ WALKERS, POINTS = 8, 250
 
 @styled
 def posterior(
-    samples: Floats, intervals: Mapping[float, tuple[float, float]], modes: Sequence[Mode], along: str
+    samples: Floats,
+    intervals: Mapping[float, tuple[float, float]],
+    modes: Sequence[Mode],
+    span: tuple[float, float],
+    along: str,
 ) -> Figure:
     """The density of distance (samples in metres), a panel a mode, its intervals (by level) in deepening tones.
 
-    `along` is what an axis of distance is called, here and below: "distance (m)", or "stage (m)".
+    Nothing lies outside the table's `span`; `along` is what an axis of distance is called, here and below:
+    "distance (m)", or "stage (m)".
     """
     shown = [mode.distance for mode in modes if mode.weight >= LIGHT_MODE]
     parts = _parts(samples, shown)
     figure = Plot(figsize=(5.0, 2.9), layout="constrained")
     for axis, part in zip(figure.subplots(1, len(parts), sharey=True, squeeze=False)[0], parts, strict=True):
-        centres, density = _density(part, len(part) / samples.size)
+        centres, density = _density(part, len(part) / samples.size, span)
         axis.plot(centres, density, color=COLOURS[0], lw=1.5)
         for tone, (level, (near, far)) in zip(TONES, sorted(intervals.items(), reverse=True), strict=False):
             inside = (centres >= near) & (centres <= far)
@@ -76,7 +81,7 @@ def priors(
     figure = Plot(figsize=(5.0, 4.4), layout="constrained")
     top, bottom = figure.subplots(2, 1)
     top.plot(*prior, color=INK, ls="--", lw=1.2, label="prior")
-    centres, density = _density(samples, 1.0)
+    centres, density = _density(samples, 1.0, (prior[0].min(), prior[0].max()))
     top.fill_between(centres, density, color=COLOURS[0], alpha=0.5, lw=0, label="posterior")
     top.set(yscale="log", xlabel=along, ylabel="density (1/m)", ylim=(0.3 * prior[1].min(), 2 * density.max()))
     top.legend(loc="upper right")
@@ -152,12 +157,12 @@ def _parts(samples: Floats, modes: Sequence[float]) -> list[Floats]:
     return [part for k in range(len(ordered)) if (part := samples[nearest == k]).size > 1]
 
 
-def _density(samples: Floats, weight: float) -> tuple[Floats, Floats]:
-    """Middles of bins and the smoothed density of samples there; its integral is the weight."""
+def _density(samples: Floats, weight: float, span: tuple[float, float] = (-np.inf, np.inf)) -> tuple[Floats, Floats]:
+    """Middles of bins within the span and the smoothed density of samples there; its integral is the weight."""
     low, high = np.quantile(samples, [0.0005, 0.9995])
     pad = 0.15 * (high - low) + 1e-9
-    counts, edges = np.histogram(samples, BINS, range=(low - pad, high + pad))
-    smooth = gaussian_filter1d(counts.astype(float), SMOOTH, mode="constant")
+    counts, edges = np.histogram(samples, BINS, range=(max(low - pad, span[0]), min(high + pad, span[1])))
+    smooth = gaussian_filter1d(counts.astype(float), SMOOTH, mode="reflect")
     return 0.5 * (edges[1:] + edges[:-1]), weight * smooth / (samples.size * np.diff(edges))
 
 

@@ -134,6 +134,7 @@ def _xarray(path: Path) -> Any:
 
         if path.suffix == ".nc":
             import h5netcdf  # noqa: F401
+            import h5py  # noqa: F401  (which h5netcdf does not bring along)
     except ImportError as error:
         raise PsflutError(f"{path.name} needs {error.name}; install it with: pip install psflut[lab]") from error
     return xarray

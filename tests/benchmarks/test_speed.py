@@ -32,7 +32,9 @@ def seconds(work):
     return min(times)
 
 
-@pytest.mark.xfail(reason="3 to 4 ms: 250 Newton steps of 12 us, half of it solving and multiplying 10 x 10", strict=False)
+@pytest.mark.xfail(
+    reason="3 to 4 ms: 250 Newton steps of 12 us, half of it solving and multiplying 10 x 10", strict=False
+)
 def test_a_patch_of_128_pixels_against_100_distances(lab16mm, lab_patch):
     rng = np.random.default_rng(0)
     distances = rng.uniform(0.9, 4.5, PATCHES)

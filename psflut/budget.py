@@ -35,7 +35,7 @@ def budget(found: Grid, table: PSFTable, distance: float) -> dict[str, float]:
         ``photons``, ``texture``, ``table`` and ``placement``.
     """
     even = np.atleast_1d(table.even(distance))
-    theta = found.fit.theta[np.argmin(np.abs(found.bank.even - even))]
+    theta = found.scene_at(float(even[0]))
     texture = _sd(found.bank, even, theta, np.zeros_like(found.noise))
     both = _sd(found.bank, even, theta, found.noise)
     placed = float(placement(table, even)[0])

@@ -50,6 +50,10 @@ class Grid:
     density: Density
     misfit: float
 
+    def scene_at(self, even: float) -> Floats:
+        """(J,) coefficients of the scene's spectrum that suit the candidate next to an even coordinate best."""
+        return np.asarray(self.fit.theta[np.argmin(np.abs(self.bank.even - even))])
+
 
 def grid(problem: Problem, candidates: int) -> Grid:
     """The grid posterior of a problem; equal posteriors come from equal settings, whoever asks."""
@@ -68,7 +72,7 @@ def restored(problem: Problem, found: Grid, distance: float) -> Floats:
     The scene's spectrum is the one that suits the nearest candidate best; the imager's own filtering is part
     of the ideal image and is not undone.
     """
-    theta = found.fit.theta[np.argmin(np.abs(found.bank.even - problem.table.even(distance)))]
+    theta = found.scene_at(float(problem.table.even(distance)))
     shape = restore.padded_shape(problem.shape, problem.table.size)
     # Below the patch's own annuli theta says nothing: polynomials run off to any height there.
     frequency = np.hypot(fft.fftfreq(shape[0])[:, None], fft.rfftfreq(shape[1]))

@@ -33,7 +33,7 @@ FLOORS = [  # from the roof to the cellar; a module imports from lower floors on
     {"calib.registration", "calib.known_scene"},
     {"calib.polar"},
     {"psflut.estimators"},
-    {"psflut.predictive"},
+    {"psflut.batch", "psflut.predictive"},
     {"psflut.joint", "psflut.jointbound", "psflut.chain", "psflut.budget"},
     {"psflut.fused"},
     {"psflut.crossed", "psflut.grid", "psflut.pointfit", "psflut.limits"},

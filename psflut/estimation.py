@@ -5,7 +5,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -14,23 +13,13 @@ from numpy.typing import NDArray
 from psflut import family
 from psflut.card import card, strip
 from psflut.density import Density, Mode
-from psflut.errors import PsflutError
-from psflut.imagers import Imager
-from psflut.noise import Noise, estimate_noise
-from psflut.spectrum import annular_power, annuli
+from psflut.door import door
+from psflut.problem import Observation as Observation
+from psflut.problem import Problem as Problem
 from psflut.table import PSFTable
 from psflut.units import format_length
 
 Floats = NDArray[np.float64]
-
-NEGATIVE_SIGMAS = 6.0
-"""A plain image may fall below zero by so many noise sigma, and no further."""
-
-TEXTURE_SIGMAS = 3.0
-"""A patch is FLAT unless its power exceeds the noise's by so many of its standard deviations."""
-
-SATURATED_SHARE = 0.005
-"""Share of pixels at exactly full scale from which a patch is SATURATED."""
 
 LEAST_MODE = 0.95
 """Probability that one of several modes must have for the estimate not to be AMBIGUOUS."""
@@ -53,34 +42,6 @@ class Curve(NamedTuple):
     position: Floats
     value: Floats
     label: str
-
-
-@dataclass(frozen=True, eq=False)
-class Observation:
-    """A patch and what is known of how it was taken.
-
-    Parameters
-    ----------
-    image : (H, W) array
-        Linear intensity, full scale 1; signed where the imager is.
-    noise : Noise or None
-        None: the table's, else an estimate from the image.
-    imager : str or None
-        As `family.parse` reads it; None: the table's.
-    scene : (H, W) array or None
-        The ideal image where it is known: what the imager would record without blur and noise.
-    quantum : float
-        Step between levels of the image, image units, 0 if unknown; bounds an estimated noise from below.
-    second : (Observation, PSFTable) or None
-        The same patch taken with another setting of the camera, and that setting's table.
-    """
-
-    image: NDArray[np.floating]
-    noise: Noise | None = None
-    imager: str | None = None
-    scene: NDArray[np.floating] | None = None
-    quantum: float = 0.0
-    second: "tuple[Observation, PSFTable] | None" = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,63 +88,6 @@ class Estimate:
         return card(format_length(self.distance), rows, strip(span, self.interval, self.modes), self.outcome.value)
 
 
-@dataclass(frozen=True, eq=False)
-class Problem:
-    """An observation after the door: complete and checked. What an estimator solves.
-
-    Parameters
-    ----------
-    image, scene : (H, W) float64 arrays
-    table, imager, noise : PSFTable, Imager, Noise
-    noise_source : "given", "table" or "image"
-    level : float
-        Of the interval.
-    second : Problem or None
-        The second image, of the same shape and imager.
-    """
-
-    image: NDArray[np.floating]
-    table: PSFTable
-    imager: Imager
-    noise: Noise
-    noise_source: str
-    level: float
-    scene: NDArray[np.floating] | None = None
-    second: "Problem | None" = None
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """Of the patch, in pixels."""
-        return self.image.shape[0], self.image.shape[1]
-
-    @cached_property
-    def power(self) -> Floats:
-        """(K,) mean power of the patch in each annulus, image units squared."""
-        return annular_power(self.image)
-
-    @property
-    def mean_level(self) -> float:
-        """Mean signal before the imager, on which photon noise depends; half of full scale where the imager
-        hides it."""
-        return 0.5 if self.imager.signed else float(self.image.mean())
-
-    @property
-    def is_flat(self) -> bool:
-        """Whether the patch's power is what its noise alone would have.
-
-        Noise of known power has, over all annuli, sum n_k (P_k / N_k - 1) of mean zero and variance sum n_k.
-        """
-        rings = annuli(self.shape)
-        response = rings.mean(self.imager.transfer(self.shape) ** 2)
-        excess = rings.effective * (self.power / self.noise.power(response, self.mean_level) - 1)
-        return bool(excess.sum() < TEXTURE_SIGMAS * np.sqrt(rings.effective.sum()))
-
-    @property
-    def is_saturated(self) -> bool:
-        """Whether too many pixels are at exactly full scale."""
-        return bool(np.mean(self.image == 1.0) >= SATURATED_SHARE)
-
-
 class AbstractEstimator(ABC):
     """A method of estimating distance: a frozen dataclass of its settings. Its repr is its recipe."""
 
@@ -227,7 +131,7 @@ def estimate(
         signed; for an unknown method, or a known scene or second image that the method does not use.
     """
     method = family.parse("psflut.estimators", estimator) if isinstance(estimator, str) else estimator
-    problem = _door(observation, table, method, level)
+    problem = door(observation, table, method, level)
     start = time.perf_counter()
     flat = not method.sees_flat and problem.is_flat
     result = nothing_to_see(problem) if flat else method.solve(problem)
@@ -287,75 +191,3 @@ def nothing_to_see(problem: Problem, span: tuple[float, float] | None = None) ->
     density = prior_density(problem.table, span)
     modes = density.modes()
     return Estimate(modes[0].distance, density.interval(problem.level), problem.level, Outcome.FLAT, modes)
-
-
-def _door(observation: Observation, table: PSFTable, estimator: AbstractEstimator, level: float) -> Problem:
-    if not 0 < level < 1:
-        raise PsflutError(f"level is a probability between 0 and 1, got {level}")
-    image = _sound(observation.image, table.size)
-    imager = family.parse("psflut.imagers", observation.imager or table.imager)
-    source, noise = _noise(observation, table, image)
-    if not imager.signed and image.min() < -NEGATIVE_SIGMAS * noise.read and not _is_normalised(table):
-        raise PsflutError(
-            f"the patch falls to {image.min():.3g}, but a plain image is not negative; "
-            "check its offset, or name its imager"
-        )
-    known, second = _known(observation, estimator), _second(observation, imager, estimator, level)
-    return Problem(image, table, imager, noise, source, level, known, second)
-
-
-def _sound(image: NDArray[Any], least: int) -> Floats:
-    """The patch in double precision, once it is seen to be real, finite and large enough."""
-    image = np.asarray(image)
-    if image.ndim != 2 or not (np.isrealobj(image) and np.issubdtype(image.dtype, np.number)):
-        raise PsflutError(f"a patch is a real (H, W) array, got {image.dtype} of shape {image.shape}; give one channel")
-    if min(image.shape) < least:
-        raise PsflutError(
-            f"the patch of {image.shape[0]} x {image.shape[1]} pixels is smaller than the table's PSF ({least}); "
-            "take a larger patch"
-        )
-    if not np.all(np.isfinite(image)):
-        raise PsflutError("the patch holds values that are not finite; mask or replace them")
-    return image.astype(np.float64)
-
-
-def _noise(observation: Observation, table: PSFTable, image: Floats) -> tuple[str, Noise]:
-    """Where the noise comes from, and the noise: given, else the table's, else estimated from the image."""
-    if observation.noise is not None:
-        return "given", observation.noise
-    if table.noise is not None:
-        return "table", table.noise
-    return "image", estimate_noise(image, observation.quantum)
-
-
-def _is_normalised(table: PSFTable) -> bool:
-    """Whether the set-up behind the table scales its captures, so that zero means nothing."""
-    return bool(table.provenance.get("capture", {}).get("normalise", False))
-
-
-def _known(observation: Observation, estimator: AbstractEstimator) -> Floats | None:
-    if observation.scene is None:
-        return None
-    scene = np.asarray(observation.scene, dtype=np.float64)
-    if not estimator.uses_scene:
-        raise PsflutError(f"{family.describe(estimator)} does not use a known scene; leave the scene out")
-    if scene.shape != np.shape(observation.image) or not np.all(np.isfinite(scene)):
-        raise PsflutError(
-            f"the known scene must be finite and of the patch's shape {np.shape(observation.image)}, got {scene.shape}"
-        )
-    return scene
-
-
-def _second(observation: Observation, imager: Imager, estimator: AbstractEstimator, level: float) -> Problem | None:
-    if observation.second is None:
-        return None
-    if not estimator.uses_second:
-        raise PsflutError(f"{family.describe(estimator)} does not use a second image; leave it out or name two_image")
-    second = _door(*observation.second, estimator, level)
-    if second.shape != np.shape(observation.image) or second.imager != imager:
-        raise PsflutError(
-            "both images must show the same patch through one imager, got "
-            f"{np.shape(observation.image)} through {family.describe(imager)} and {second.shape} through "
-            f"{family.describe(second.imager)}; crop and filter them alike"
-        )
-    return second

@@ -39,6 +39,8 @@ FLOORS = [  # from the roof to the cellar; a module imports from lower floors on
     {"psflut.crossed", "psflut.grid", "psflut.pointfit", "psflut.limits"},
     {"psflut.candidates", "psflut.gross"},
     {"psflut.estimation", "psflut.spread", "psflut.information"},
+    {"psflut.door"},
+    {"psflut.problem"},
     {"psflut.edges"},
     {"psflut.laplace"},
     {"psflut.evidence", "psflut.restore", "psflut.focus", "psflut.density", "psflut.lines", "psflut.covariance"},

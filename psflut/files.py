@@ -1,5 +1,10 @@
-"""A file is either whole or not there: write beside it, then rename."""
+"""A file is either whole or not there: write beside it, then rename. One process at a time writes it.
 
+What is being written lies in a hidden folder beside its place, which nobody else may use: of two processes that write
+the same file one does, the other is told. A killed one leaves that folder, and the next that writes there clears it.
+"""
+
+import ctypes
 import os
 import shutil
 import zipfile
@@ -9,15 +14,26 @@ from pathlib import Path
 
 from psflut.errors import PsflutError
 
+try:
+    import fcntl
+except ImportError:  # Windows: renaming is still whole, but nobody keeps two writers apart
+    fcntl = None  # type: ignore[assignment]
+
+HERE, SWAP = -100, 2
+"""Of Linux' renameat2: paths are as they are given (AT_FDCWD), and exchanged (RENAME_EXCHANGE)."""
+
 
 def refuse_overwrite(path: Path, overwrite: bool) -> None:
     """Refuse early, before the work, what `staged` would refuse at its end."""
-    if not path.parent.is_dir():
-        raise PsflutError(f"{path.parent} is not a folder; make it before {path.name} is written there")
-    if path.is_dir() and not (path / "zarr.json").is_file():
-        raise PsflutError(f"{path} is a folder, which is never replaced; choose another name")
-    if path.exists() and not overwrite:
-        raise PsflutError(f"{path} exists; choose another name or pass --overwrite")
+    try:
+        if not path.parent.is_dir():
+            raise PsflutError(f"{path.parent} is not a folder; make it before {path.name} is written there")
+        if path.is_dir() and not (path / "zarr.json").is_file():
+            raise PsflutError(f"{path} is a folder, which is never replaced; choose another name")
+        if path.exists() and not overwrite:
+            raise PsflutError(f"{path} exists; choose another name or pass --overwrite")
+    except OSError as error:  # a name that is too long, say
+        raise PsflutError(f"cannot write {path}: {error.strerror or error}; choose another name") from error
 
 
 @contextmanager
@@ -27,38 +43,84 @@ def staged(path: Path, overwrite: bool = False) -> Iterator[Path]:
     Raises
     ------
     PsflutError
-        If the folder is missing, the file exists and may not be replaced, or the system refuses to write.
+        If the folder is missing, the file exists and may not be replaced, another process is writing it, or the
+        system refuses to write.
     """
     refuse_overwrite(path, overwrite)
-    stage = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        yield stage
-        if path.is_dir():
-            _swap_folders(stage, path)
-        else:
-            os.replace(stage, path)
+        with claimed(path.with_name(f".{path.name}.part")) as folder:
+            try:
+                shutil.rmtree(folder, ignore_errors=True)  # of a process that was killed
+                folder.mkdir()
+                stage = folder / path.name
+                yield stage
+                refuse_overwrite(path, overwrite)
+                _put(stage, path)
+            finally:
+                shutil.rmtree(folder, ignore_errors=True)
     except OSError as error:
-        raise PsflutError(f"cannot write {path}: {error.strerror or error}") from error
-    finally:
-        _remove(stage)
+        raise PsflutError(f"cannot write {path}: {error.strerror or error}; make room or go elsewhere") from error
 
 
-def _swap_folders(stage: Path, path: Path) -> None:
-    old = path.with_name(f".{path.name}.{os.getpid()}.old")
-    os.replace(path, old)
+@contextmanager
+def claimed(folder: Path) -> Iterator[Path]:
+    """Keep every other process from `folder` until the block ends; a process that dies gives it free.
+
+    Raises
+    ------
+    PsflutError
+        If another process has it.
+    """
+    lock = folder.with_name(f"{folder.name}.lock")
+    handle = _lock(lock)
     try:
+        yield folder
+    finally:
+        lock.unlink(missing_ok=True)
+        os.close(handle)
+
+
+def _lock(lock: Path) -> int:
+    """An open file that no other process has locked; it is gone with its process."""
+    while True:
+        handle = os.open(lock, os.O_RDWR | os.O_CREAT, 0o644)
+        try:
+            if fcntl is not None:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if os.fstat(handle).st_ino == lock.stat().st_ino:
+                return handle
+        except FileNotFoundError:  # its last owner has removed it in between: take a new one
+            pass
+        except BlockingIOError as error:
+            os.close(handle)
+            name = lock.name.removeprefix(".").rsplit(".", 2)[0]
+            raise PsflutError(f"another process is writing {lock.with_name(name)}; wait until it is done") from error
+        os.close(handle)
+
+
+def _put(stage: Path, path: Path) -> None:
+    """Give a finished stage its name. A folder takes the place of another in one step where the system can do that."""
+    if not path.is_dir():
+        if stage.is_file():
+            with stage.open("rb") as file:
+                os.fsync(file.fileno())  # a power cut must not leave the name without the bytes
         os.replace(stage, path)
-    except OSError:
-        os.replace(old, path)
-        raise
-    shutil.rmtree(old)
+    elif not _swapped(stage, path):
+        old = stage.with_name("old")
+        os.replace(path, old)
+        try:
+            os.replace(stage, path)
+        except OSError:
+            os.replace(old, path)
+            raise
 
 
-def _remove(path: Path) -> None:
-    if path.is_dir():
-        shutil.rmtree(path)
-    else:
-        path.unlink(missing_ok=True)
+def _swapped(one: Path, other: Path) -> bool:
+    try:
+        rename = ctypes.CDLL(None, use_errno=True).renameat2
+    except (AttributeError, OSError, TypeError):  # not Linux
+        return False
+    return bool(rename(HERE, os.fsencode(one), HERE, os.fsencode(other), SWAP) == 0)
 
 
 def pack(folder: Path, archive: Path) -> None:

@@ -87,23 +87,27 @@ class PSFTable:
         if count < 3 or self.psf.shape != (count, size, size) or size % 2 == 0:
             raise PsflutError(
                 f"a table has 3 or more planes of odd, square size, got {count} positions and PSFs of shape "
-                f"{self.psf.shape}"
+                f"{self.psf.shape}; make the window odd and take more positions"
             )
         for name, array in (("axis", self.axis), ("psf", self.psf)):
             if not np.all(np.isfinite(array)):
                 raise PsflutError(f"the table's {name} holds values that are not finite; build it again")
         if np.any(np.diff(self.axis) <= 0) or (self.kind == "distance" and self.axis[0] <= 0):
-            raise PsflutError("the positions of a table must ascend without repeats, and distances be positive")
+            raise PsflutError(
+                "the positions of a table must ascend without repeats and distances be positive; sort them"
+            )
         if self.psf.min() < 0 or np.any(np.abs(self.psf.sum(axis=(1, 2)) - 1) > 1e-5):
             raise PsflutError("every PSF of a table must be non-negative and sum to 1; normalise it")
         for errors, values in ((self.psf_std, self.psf), (self.axis_std, self.axis)):
-            if errors is not None and (errors.shape != values.shape or not np.all(errors >= 0)):
-                raise PsflutError("standard errors of a table must be non-negative and shaped like their values")
+            if errors is not None and (errors.shape != values.shape or not np.all((errors >= 0) & (errors < np.inf))):
+                raise PsflutError(
+                    "standard errors of a table must be finite, non-negative and shaped like their values; mend them"
+                )
         modes = self.psf_modes
         if modes is not None and (modes.shape[1:] != self.psf.shape or not np.all(np.isfinite(modes))):
-            raise PsflutError("modes of a table must be finite and each shaped like its PSFs")
+            raise PsflutError("modes of a table must be finite and each shaped like its PSFs; mend them")
         if not (np.isfinite(self.pixel_pitch) and self.pixel_pitch > 0):
-            raise PsflutError(f"pixel_pitch must be a positive length, got {self.pixel_pitch} m")
+            raise PsflutError(f"pixel_pitch must be a positive length, got {self.pixel_pitch} m; give it")
 
     @property
     def size(self) -> int:

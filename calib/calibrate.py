@@ -76,7 +76,7 @@ def calibrate(
     imager : Imager
         What the camera's own output went through.
     assessment : Assessment
-        What is looked into besides (`calib.assess`). It knows nothing of modes.
+        What is looked into besides (`calib.assess`). It knows nothing of modes, which add their errors (`calib.modes`).
     modes : int or None
         Of how points differ (`calib.modes`), points being named by the manifest's rows.
     progress : callable

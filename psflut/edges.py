@@ -28,6 +28,8 @@ class Sampled:
     line : Line
     reach : float
         Of its blur, pixels.
+    length : float
+        Of what is sampled of it, pixels.
     distance, along : (n,) arrays
         Of the pixels from the edge, positive on its bright side (pixels), and their places along it, -1 .. 1.
     values : (n,) array
@@ -36,6 +38,7 @@ class Sampled:
 
     line: lines.Line
     reach: float
+    length: float
     distance: Floats
     along: Floats
     values: Floats
@@ -134,7 +137,8 @@ class Search:
         if 4.0 * line.sigma > size:
             raise PsflutError(f"is blurred wider than {size} pixels")
         away, along = line.along(places)
-        return Sampled(line, reach, away, 2.0 * (along - along.min()) / np.ptp(along) - 1.0, values)
+        length = float(np.ptp(along))
+        return Sampled(line, reach, length, away, 2.0 * (along - along.min()) / length - 1.0, values)
 
 
 def _name(line: lines.Line) -> str:

@@ -144,13 +144,12 @@ def pixels(
     slope = np.gradient(np.log(att), bank.even, axis=0)[chosen]
     taken = np.linalg.solve(curvature(weight, bank), ((weight * slope) @ bank.basis)[..., None])[..., 0]
     q = weight * (slope - taken @ bank.basis.T)
-    order, errors = np.argsort(table.even(table.axis)), _errors(table)
-    own, half = table.even(table.axis)[order], table.size // 2
+    half = table.size // 2
     rings, kept = annuli(shape), np.ix_(*[np.r_[-half : half + 1]] * 2)
     bins = np.bincount(rings.index.ravel())[: len(noise)]
     out = []
     for k, place, towards in zip(chosen, bank.even[chosen], q, strict=True):
-        psf, std = table.at(np.clip(table.position(place), *table.span)), _linear(place, own, errors[order])
+        psf, std = table.at(np.clip(table.position(place), *table.span)), pixel_std(table, float(place))
         otf = transfer(psf, shape)
         power = rings.mean(rings.smear(np.abs(otf) ** 2))
         change = np.append(towards / (bins * power), 0.0)[rings.index]
@@ -167,8 +166,13 @@ def _errors(table: PSFTable) -> Floats:
     return np.where(table.psf > 0, table.psf_std, 0.0)
 
 
-def _linear(place: float, nodes: Floats, planes: Floats) -> Floats:
-    """Planes (N, K, K) at ascending nodes, at a place between them."""
-    k = int(np.clip(np.searchsorted(nodes, place) - 1, 0, len(nodes) - 2))
-    part = np.clip((place - nodes[k]) / (nodes[k + 1] - nodes[k]), 0.0, 1.0)
-    return np.asarray((1 - part) * planes[k] + part * planes[k + 1])
+def pixel_std(table: PSFTable, even: float) -> Floats:
+    """Standard errors (K, K) of a table's pixels, between its planes; pixels that were cut off have none."""
+    if table.psf_std is None:
+        return np.zeros(table.psf.shape[1:])
+    order = np.argsort(table.even(table.axis))
+    own = table.even(table.axis)[order]
+    k = int(np.clip(np.searchsorted(own, even) - 1, 0, len(own) - 2))
+    part = np.clip((even - own[k]) / (own[k + 1] - own[k]), 0.0, 1.0)
+    low, high = (np.where(table.psf[n] > 0, table.psf_std[n], 0.0) for n in order[k : k + 2])
+    return np.asarray((1 - part) * low + part * high)

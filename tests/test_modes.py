@@ -57,6 +57,31 @@ def test_shape_that_goes_with_depth_tells_the_distance(mean, single):
     assert inside >= 9
 
 
+def test_what_few_modes_leave_widens_intervals_and_the_control_without_it_does_not_cover():
+    """Points that differ in coma and in the size of their blur, one mode of ten of them, thirty others to read."""
+    rng = np.random.default_rng(4)
+
+    def point(kind, z):
+        coma, scale = kind
+        plane = Pupil(zernikes=((3, 1, coma),))(LAB, float(1 / (1 / 6 + (1 / z - 1 / 6) * scale)), SIZE)
+        return plane / plane.sum()
+
+    def kinds(count):
+        return zip(0.15 * rng.standard_normal(count), 1 + 0.02 * rng.standard_normal(count), strict=True)
+
+    single = [PSFTable(AXIS, np.stack([point(kind, z) for z in AXIS]), PITCH) for kind in kinds(10)]
+    mean = replace(single[0], psf=np.mean([each.psf for each in single], axis=0))
+    table, inside = with_modes(mean, single, 1), np.zeros(2)
+    for kind, truth in zip(kinds(30), rng.uniform(1.3, 2.2, 30), strict=True):
+        image = np.pad(0.7 * (plane := point(kind, truth)) / plane.max(), 8) + 0.05
+        observation = Observation(image + 0.003 * rng.standard_normal(image.shape), Noise(0.003))
+        for k, each in enumerate((table, replace(table, axis_std=None))):
+            near, far = estimate(observation, each, "point").interval
+            inside[k] += near <= truth <= far
+    assert inside[0] >= 26  # of 95 %, with a probability of 98 %
+    assert inside[1] < 22
+
+
 def test_modes_are_kept_on_disk_and_known_between_planes(mean, single, tmp_path):
     table = with_modes(mean, single, 2)
     write_table(table, tmp_path / "beads.zarr.zip")

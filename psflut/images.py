@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from psflut import tiffs
 from psflut.errors import PsflutError
 from psflut.files import refuse_overwrite, staged
 
@@ -23,8 +24,6 @@ LUMINANCE = np.array([0.2125, 0.7154, 0.0721])
 SRGB_SLOPE = 2.4 / 1.055
 """Slope of the sRGB curve at full scale."""
 
-TIFF_STARTS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
-TIFF_AXES = ("YX", "YXS", "SYX")
 RAW_SUFFIXES = (".arw", ".cr2", ".cr3", ".dng", ".nef", ".orf", ".raf", ".rw2")
 
 DEFAULT_SIDE = 256
@@ -93,13 +92,7 @@ def page_shapes(path: Path) -> tuple[tuple[int, int], ...]:
     """
     with _one_sentence(path):
         if _is_tiff(path):
-            import tifffile
-
-            with tifffile.TiffFile(path) as file:
-                pages = [page.aspage() for page in file.pages]
-                if not pages:
-                    raise PsflutError("is a TIFF without a page; write or copy it again")
-                return tuple((page.imagelength, page.imagewidth) for page in pages)
+            return tiffs.page_shapes(path)
         if _is_raw(path):
             with _rawpy().imread(str(path)) as raw:
                 return ((raw.sizes.height, raw.sizes.width),)
@@ -148,7 +141,7 @@ def crop(shape: tuple[int, ...], patch: str | None) -> tuple[slice, slice]:
 def _read(path: Path, page: int | None) -> NDArray[Any]:
     with _one_sentence(path):
         if _is_tiff(path):
-            return _read_tiff(path, page)
+            return tiffs.read_page(path, page)
         if page:
             raise PsflutError(f"has one page, page 0, there is no page {page}; only a TIFF may have more")
         return _read_raw(path) if _is_raw(path) else _read_picture(path.read_bytes())
@@ -180,27 +173,7 @@ def _is_raw(path: Path) -> bool:
 
 def _is_tiff(path: Path) -> bool:
     """Most RAW files are TIFF files too, whose first page is a thumbnail."""
-    with path.open("rb") as file:
-        return file.read(4) in TIFF_STARTS and not _is_raw(path)
-
-
-def _read_tiff(path: Path, page: int | None) -> NDArray[Any]:
-    import tifffile
-
-    with tifffile.TiffFile(path) as file:
-        count = len(file.pages)
-        if page is None and (len(file.series) != 1 or file.series[0].axes not in TIFF_AXES):
-            raise PsflutError(f"has {count} pages or more; give one grey or colour picture a file")
-        if page is not None and not 0 <= page < count:
-            raise PsflutError(f"has {count} pages, counted from 0, and no page {page}; name one that it has")
-        chosen = file.pages[page or 0].aspage()
-        if chosen.axes not in TIFF_AXES:
-            raise PsflutError(f"has a page with the axes {chosen.axes}; write it as one grey or colour picture")
-        kind = chosen.photometric
-        if kind not in (tifffile.PHOTOMETRIC.MINISBLACK, tifffile.PHOTOMETRIC.RGB):
-            raise PsflutError(f"is a TIFF of kind {getattr(kind, 'name', kind)}; write it as grey levels or RGB")
-        raw = np.asarray(chosen.asarray())
-        return np.moveaxis(raw, 0, -1) if chosen.axes == "SYX" else raw
+    return tiffs.is_tiff(path) and not _is_raw(path)
 
 
 def _rawpy() -> Any:

@@ -52,7 +52,7 @@ FLOORS = [  # from the roof to the cellar; a module imports from lower floors on
     {"psflut.imagers", "psflut.psfs"},
     {"psflut.camera_file"},
     {"psflut.noise", "psflut.optics", "psflut.images"},
-    {"psflut.container", "psflut.family", "psflut.files"},
+    {"psflut.container", "psflut.family", "psflut.files", "psflut.tiffs"},
     {"psflut.units", "psflut.fourier", "psflut.subpixel", "psflut.card"},
     {"psflut.errors"},
     {"psflut", "calib"},

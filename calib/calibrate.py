@@ -27,6 +27,9 @@ from psflut.table import PSFTable
 
 Floats = NDArray[np.float64]
 
+LARGEST_SIZE = 1001
+"""Of a PSF that is measured, pixels."""
+
 
 @dataclass(frozen=True)
 class Encoding:
@@ -89,8 +92,8 @@ def calibrate(
         the points cannot tell.
     """
     encoding = encoding or Encoding()
-    if size < 3 or size % 2 == 0:
-        raise PsflutError(f"the size of a PSF must be odd and at least 3, got {size}")
+    if not 3 <= size <= LARGEST_SIZE or size % 2 == 0:
+        raise PsflutError(f"the size of a PSF must be odd, from 3 to {LARGEST_SIZE} pixels, got {size}")
     singles = None if modes is None else Singles.named(manifest, target, modes)
     alone: list[list[Measurement | None]] = []
 

@@ -150,7 +150,7 @@ def _position_column(columns: list[str]) -> str:
     found = [name for name in columns if name in POSITIONS]
     if len(found) != 1:
         got = " and ".join(found) or "none"
-        raise PsflutError(f"expected one column of {', '.join(POSITIONS)}, got {got}")
+        raise PsflutError(f"expected one column of {', '.join(POSITIONS)}, got {got}; keep one")
     return found[0]
 
 
@@ -160,7 +160,7 @@ def _row(folder: Path, cells: dict[str, str], position: str) -> Row:
     if kind == "distance" and not place > 0:
         raise PsflutError(f"a distance must be positive, got {cells[position]!r}; a stage coordinate may be negative")
     page = cells.get("page", "")
-    if page and not page.isdecimal():
+    if page and not (page.isdecimal() and len(page) < 9):
         raise PsflutError(f"a page is a whole number from 0, got {page!r}; mend it or leave the cell empty")
     x, y = cells.get("x", ""), cells.get("y", "")
     centre = (_number("y", y), _number("x", x)) if x or y else None
@@ -169,7 +169,7 @@ def _row(folder: Path, cells: dict[str, str], position: str) -> Row:
 
 def _number(name: str, text: str) -> float:
     try:
-        value = float(text)
+        value = float(text) if "_" not in text else math.nan  # 2_9 is a number to Python alone
     except ValueError:
         value = math.nan
     if not math.isfinite(value):

@@ -14,6 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 from psflut import family
 from psflut.camera_file import CameraSettings, read_toml
 from psflut.capture import Setup
+from psflut.container import LARGEST
 from psflut.errors import PsflutError, refusal
 from psflut.noise import parse_noise
 from psflut.optics import Camera
@@ -94,7 +95,7 @@ def read_recipe(path: Path) -> Recipe:
 
 def _recipe(file: RecipeFile, sha256: str) -> Recipe:
     settings = {key: _in_metres(value) for key, value in (file.table.model_extra or {}).items()}
-    return Recipe(
+    found = Recipe(
         camera=file.camera.camera(),
         model=family.make("psflut.psfs", file.table.model, settings),
         distances=tuple(float(z) for z in _even_in_vergence(file.table.distances)),
@@ -102,6 +103,10 @@ def _recipe(file: RecipeFile, sha256: str) -> Recipe:
         capture=TypeAdapter(Setup).validate_python(_known(file.capture, Setup)),
         sha256=sha256,
     )
+    if len(found.distances) * found.size**2 > LARGEST:
+        planes = f"{len(found.distances)} planes of {found.size} pixels a side"
+        raise PsflutError(f"{planes} are more than {LARGEST} values; take fewer or smaller ones")
+    return found
 
 
 def build(recipe: Recipe, progress: Callable[[int], object] = lambda planes: None) -> PSFTable:
@@ -130,7 +135,7 @@ def build(recipe: Recipe, progress: Callable[[int], object] = lambda planes: Non
 
 def _even_in_vergence(span: Range) -> NDArray[np.float64]:
     if not span.last > span.first:
-        raise PsflutError(f"distances must run from near to far, got {span.first} m to {span.last} m")
+        raise PsflutError(f"distances must run from near to far, got {span.first} m to {span.last} m; turn them")
     distances = 1.0 / np.linspace(1.0 / span.first, 1.0 / span.last, span.count)
     distances[[0, -1]] = span.first, span.last
     return distances

@@ -10,6 +10,9 @@ from psflut.errors import PsflutError, refusal
 from psflut.optics import Camera
 from psflut.units import Length
 
+LARGEST_FILE = 65536
+"""Bytes of a TOML file that is read: keys that nest without end take for ever."""
+
 
 class CameraSettings(BaseModel):
     """The ``[camera]`` of a camera file or recipe."""
@@ -42,8 +45,10 @@ def read_toml(path: Path) -> dict[str, Any]:
     if not path.is_file():
         raise PsflutError(f"no file at {path}; check the path")
     try:
+        if path.stat().st_size > LARGEST_FILE:
+            raise ValueError(f"it has more than {LARGEST_FILE} bytes")
         return tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError, OSError) as error:
         raise PsflutError(f"{path} is not valid TOML ({error}); mend it there") from error
 
 

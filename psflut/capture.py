@@ -27,6 +27,9 @@ Floats = NDArray[np.floating]
 LARGEST_RADIUS = 250.0
 """Of a blur that is still simulated, pixels."""
 
+LARGEST_GAIN = 1e15
+"""Photo-electrons at full scale, far beyond any sensor, that the generator of photons still counts."""
+
 
 @dataclass(frozen=True)
 class Setup:
@@ -59,7 +62,13 @@ class Setup:
     def __post_init__(self) -> None:
         family.parse("psflut.imagers", self.imager)
         if self.bits is not None and not 1 <= self.bits <= 32:
-            raise PsflutError(f"bits must be between 1 and 32, got {self.bits}")
+            raise PsflutError(f"bits must be between 1 and 32, got {self.bits}; 8, 12 and 16 are usual")
+        if self.gain is not None and not 0 < self.gain <= LARGEST_GAIN:
+            raise PsflutError(f"gain must be positive and at most {LARGEST_GAIN:g}, got {self.gain}; count electrons")
+        if self.filter_size is not None and self.filter_size < 1:
+            raise PsflutError(f"filter_size must be at least 1 pixel, got {self.filter_size}; leave it out")
+        if self.noise is not None:
+            parse_noise(self.noise, np.arange(2.0))
         if self.gain is not None and self.noise is None:
             raise PsflutError("photon noise comes with read noise; give a noise beside the gain")
 

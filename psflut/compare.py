@@ -5,6 +5,7 @@ In the folder of a comparison: ``journal.jsonl`` (every finished cell, at once),
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ import numpy as np
 from psflut import __version__, family
 from psflut.errors import PsflutError
 from psflut.estimation import for_any_scene
-from psflut.files import staged
+from psflut.files import claimed, staged
 from psflut.journal import Journal
 from psflut.results import write_csv, write_rows, write_timings, write_zarr
 from psflut.scores import markdown, rows, scores, words
@@ -52,19 +53,24 @@ def run(bench: Bench, runs: Mapping[str, int], folder: Path, work: Work) -> Iter
     Raises
     ------
     PsflutError
-        If the folder cannot be made, or holds a comparison with other settings; whatever a method refuses.
+        If the folder cannot be made, holds a comparison with other settings, or one that is running; whatever a
+        method refuses.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise PsflutError(f"cannot make the folder {folder}: {error.strerror}; choose another with -o") from error
     about = settings(bench, runs)
-    with Journal(folder / "journal.jsonl", about) as journal:
-        yield list(journal.records)
-        for found in work(bench, units(bench, runs, journal.records)):
-            journal.append(found)
-            yield found
-        write(ordered(journal.records, bench), folder, bench.table, about)
+    try:
+        with claimed(folder / ".journal.part"), Journal(folder / "journal.jsonl", about) as journal:
+            yield list(journal.records)
+            for found in work(bench, units(bench, runs, journal.records)):
+                journal.append(found)
+                yield found
+            write(ordered(journal.records, bench), folder, bench.table, about)
+    finally:
+        with suppress(OSError):
+            folder.rmdir()  # where nothing was found, nothing is left behind
 
 
 def settings(bench: Bench, runs: Mapping[str, int]) -> dict[str, Any]:

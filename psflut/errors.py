@@ -23,4 +23,5 @@ def refusal(what: str, error: ValidationError) -> PsflutError:
     if first["type"] == "missing":
         return PsflutError(f"{what} lacks the key {where!r}; add it")
     got = "" if first["type"] == "value_error" else f", got {first['input']!r}"
-    return PsflutError(f"{what}: {where + ': ' if where else ''}{reason}{got}")
+    mend = "" if ";" in reason else "; mend it"
+    return PsflutError(f"{what}: {where + ': ' if where else ''}{reason}{got}{mend}")

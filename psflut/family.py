@@ -78,7 +78,7 @@ def parse(family: str, text: str) -> Any:
         key, equals, value = word.partition("=")
         if not equals:
             if position >= len(fields):
-                raise PsflutError(f"{name} takes at most {len(fields)} settings, got {len(words)} in {text!r}")
+                raise PsflutError(f"{name} takes at most {len(fields)} settings, {text!r} has {len(words)}; drop some")
             key, value = fields[position], word
         settings[key] = _value(value)
     return make(family, name, settings)

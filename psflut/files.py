@@ -64,15 +64,21 @@ def staged(path: Path, overwrite: bool = False) -> Iterator[Path]:
 
 @contextmanager
 def claimed(folder: Path) -> Iterator[Path]:
-    """Keep every other process from `folder` until the block ends; a process that dies gives it free.
+    """Keep every other process from `folder`, ``.NAME.something``, until the block ends; one that dies gives it free.
 
     Raises
     ------
     PsflutError
-        If another process has it.
+        If another process has it, or the system refuses to write.
     """
     lock = folder.with_name(f"{folder.name}.lock")
-    handle = _lock(lock)
+    path = lock.with_name(folder.name.removeprefix(".").rpartition(".")[0])
+    try:
+        handle = _lock(lock)
+    except BlockingIOError as error:
+        raise PsflutError(f"another process is writing {path}; wait until it is done") from error
+    except OSError as error:
+        raise PsflutError(f"cannot write {path}: {error.strerror or error}; make room or go elsewhere") from error
     try:
         yield folder
     finally:
@@ -89,12 +95,11 @@ def _lock(lock: Path) -> int:
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
             if os.fstat(handle).st_ino == lock.stat().st_ino:
                 return handle
-        except FileNotFoundError:  # its last owner has removed it in between: take a new one
-            pass
-        except BlockingIOError as error:
+        except FileNotFoundError:
+            pass  # its last owner has removed it in between: take a new one
+        except OSError:
             os.close(handle)
-            name = lock.name.removeprefix(".").rsplit(".", 2)[0]
-            raise PsflutError(f"another process is writing {lock.with_name(name)}; wait until it is done") from error
+            raise
         os.close(handle)
 
 

@@ -54,6 +54,8 @@ class Journal:
 
     def __exit__(self, *_: object) -> None:
         self._file.close()
+        if not self.records:  # refused before its first result: nothing is left behind
+            self.path.unlink(missing_ok=True)
 
     def append(self, records: list[Record]) -> None:
         """Keep these too, on the disk before this returns."""

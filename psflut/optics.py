@@ -82,6 +82,8 @@ class Camera:
             if not f_number > 0:
                 raise PsflutError(f"f_number must be positive, got {f_number}; check the camera")
             aperture_diameter = focal_length / f_number
+        if not focal_length > 0:
+            raise PsflutError(f"focal_length must be positive, got {focal_length} m; check the camera")
         if focus_distance is not None:
             if not focus_distance > focal_length:
                 raise PsflutError(

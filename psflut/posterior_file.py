@@ -42,7 +42,7 @@ LONG_NAMES = {
 def check_posterior(path: Path, overwrite: bool) -> None:
     """Refuse, before the work, a path that `write_posterior` would refuse after it, or libraries that it lacks."""
     if path.suffix not in (".zarr", ".nc"):
-        raise PsflutError(f"a posterior is kept in a folder NAME.zarr or a file NAME.nc, got {path.name}")
+        raise PsflutError(f"a posterior is kept in a folder NAME.zarr or a file NAME.nc, got {path.name}; choose one")
     refuse_overwrite(path, overwrite)
     _xarray(path)
 

@@ -21,6 +21,8 @@ from psflut.units import format_length
 Floats = NDArray[np.float64]
 Kind = Literal["distance", "stage"]
 
+MOST_CANDIDATES = 100_000
+
 
 @dataclass(frozen=True, eq=False)
 class PSFTable:
@@ -131,8 +133,10 @@ class PSFTable:
 
     def candidates(self, count: int) -> Floats:
         """`count` positions over the span, spaced evenly in the interpolation coordinate; ascending, metres."""
-        if count < 2:
-            raise PsflutError(f"candidates span a table from end to end, so there are 2 or more of them, got {count}")
+        if not 2 <= count <= MOST_CANDIDATES:
+            raise PsflutError(
+                f"candidates span a table from end to end: 2 to {MOST_CANDIDATES} of them, got {count}; 200 are usual"
+            )
         first, last = self.even(self.span)
         spread = self.position(np.linspace(first, last, count))
         spread[[0, -1]] = self.span  # exactly, whatever 1 / (1 / z) rounds to
@@ -180,6 +184,6 @@ class PSFTable:
             outside = values[~((values >= first) & (values <= last))].flat[0]
             raise PsflutError(
                 f"{self.kind} {format_length(outside)} is outside the table, which runs from "
-                f"{format_length(first)} to {format_length(last)}"
+                f"{format_length(first)} to {format_length(last)}; stay inside"
             )
         return values

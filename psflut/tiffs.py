@@ -35,7 +35,10 @@ def page_shapes(path: Path) -> tuple[tuple[int, int], ...]:
 
     check_chain(path)
     with tifffile.TiffFile(path) as file:
-        return tuple((page.imagelength, page.imagewidth) for page in (page.aspage() for page in file.pages))
+        shapes = tuple((page.imagelength, page.imagewidth) for page in (page.aspage() for page in file.pages))
+    if not shapes:
+        raise PsflutError("is a TIFF without a page; write or copy it again")
+    return shapes
 
 
 def read_page(path: Path, page: int | None) -> NDArray[Any]:
@@ -84,8 +87,6 @@ def check_chain(path: Path) -> None:
             file.seek(at)
             file.seek(entry * _next(file, count), 1)
             at = _next(file, number)
-    if not seen:
-        raise PsflutError("is a TIFF without a page; write or copy it again")
 
 
 def _next(file: BinaryIO, kind: str) -> int:

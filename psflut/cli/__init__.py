@@ -54,6 +54,17 @@ def main() -> None:
     except (KeyboardInterrupt, typer.Abort):
         console.say("psflut: interrupted")
         sys.exit(130)
+    except MemoryError:
+        console.say("psflut: there is not enough memory for this; take smaller images, tables or settings")
+        sys.exit(2)
+    except Exception as error:
+        if "PSFLUT_TRACEBACK" in os.environ:
+            raise
+        console.say(
+            f"psflut: {type(error).__name__} ({console.sentence(error)}), a mistake in psflut; please report it with "
+            "what PSFLUT_TRACEBACK=1 makes it print"
+        )
+        sys.exit(2)
     sys.exit(code if isinstance(code, int) else 0)
 
 

@@ -55,7 +55,6 @@ def run(
     from calib.captures import read_dark
     from calib.manifest import read_manifest
     from psflut.camera_file import read_camera
-    from psflut.files import refuse_overwrite
     from psflut.store import check_target, write_table
     from psflut.summary import summarise, words
     from psflut.units import parse_length
@@ -67,12 +66,14 @@ def run(
     part, filtering = family.parse("calib.targets", target), family.parse("psflut.imagers", imager)
     part = _with_reference(part, reference, gamma, srgb)
     if model not in (None, "pupil"):
-        raise PsflutError(f"the model that can be fitted is pupil, got {model!r}")
+        raise PsflutError(f"the model that can be fitted is pupil, got {model!r}; give that")
     assessment = Assessment(None if placement is None else parse_length(placement), model is not None, planes)
     check_target(output, overwrite)
     for drawing in (figure, check_figure):
         if drawing is not None:
-            refuse_overwrite(drawing, overwrite)
+            from psflut import plots
+
+            plots.check_figure(drawing, overwrite)
     manifest = read_manifest(captures, least_positions=3)
     encoding = Encoding(gamma, srgb, read_dark(dark, gamma, srgb))
     with tqdm(total=len(manifest.positions), unit="position", disable=None) as bar:

@@ -24,6 +24,8 @@ def say(sentence: str) -> None:
 def sentence(error: Exception) -> str:
     """What went wrong, in one line; for a mistake in the command itself also where its help is."""
     text = str(error)
+    if isinstance(error, OSError) and error.strerror:
+        text = f"{error.filename or 'the system'}: {error.strerror.lower()}; check the path"
     if isinstance(error, TyperException):
         words = error.format_message().rstrip(".").replace(". Did you mean", "; did you mean")
         context = getattr(error, "ctx", None)

@@ -73,7 +73,7 @@ def run(
     tabled = read_table(table)
     family.parse("psflut.imagers", imager or tabled.imager)
     default = "point" if scene == "point" else "wiener" if second is None else "two_image"
-    names = [name.strip() for name in (method or default).split(",")]
+    names = [name.strip() for name in (default if method is None else method).split(",")]
     estimators = {name: family.parse("psflut.estimators", name) for name in names}
     others = [name for name in names if name.partition(":")[0] != "point"]
     if scene == "point" and others:

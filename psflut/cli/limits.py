@@ -22,7 +22,7 @@ EVERY = 10
 
 def run(
     table: TableOption,
-    patch_size: Annotated[int, typer.Option(min=1, metavar="N", help="Side of the patch in pixels.")] = 128,
+    patch_size: Annotated[int, typer.Option(min=1, max=8192, metavar="N", help="Side of the patch in pixels.")] = 128,
     noise: NoiseOption = None,
     imager: ImagerOption = None,
     scene: Annotated[
@@ -46,13 +46,14 @@ def run(
 
     from psflut import family
     from psflut.capture import setup_of
-    from psflut.files import refuse_overwrite
     from psflut.limits import bound
     from psflut.noise import parse_noise
     from psflut.store import read_table
 
     if figure is not None:
-        refuse_overwrite(figure, overwrite)
+        from psflut.plots import check_figure
+
+        check_figure(figure, overwrite)
     tabled = read_table(table)
     text = noise or setup_of(tabled).noise
     known = tabled.noise if noise is None else None

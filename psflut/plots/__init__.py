@@ -4,7 +4,7 @@ from psflut.plots.comparison import agreement, palette_of, relative_errors, reli
 from psflut.plots.estimates import curve, curves
 from psflut.plots.images import page, pictures
 from psflut.plots.limits import limits
-from psflut.plots.look import COLOURS, Plot, save
+from psflut.plots.look import COLOURS, Plot, check_figure, save
 from psflut.plots.optics import filters, otfs
 from psflut.plots.tables import psfs, ranges
 
@@ -12,6 +12,7 @@ __all__ = [
     "COLOURS",
     "Plot",
     "agreement",
+    "check_figure",
     "curve",
     "curves",
     "filters",

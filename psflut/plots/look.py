@@ -11,7 +11,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from psflut.files import staged
+from psflut.errors import PsflutError
+from psflut.files import refuse_overwrite, staged
 
 Floats = NDArray[np.floating]
 
@@ -67,8 +68,16 @@ def middle(psfs: Sequence[Floats]) -> list[Floats]:
     return [psf[rim : len(psf) - rim, rim : len(psf) - rim] for psf, rim in zip(psfs, rims, strict=True)]
 
 
+def check_figure(path: Path, overwrite: bool) -> None:
+    """Refuse, before the work, a path that `save` would refuse after it."""
+    if path.suffix.lower() not in (".png", ".pdf"):
+        raise PsflutError(f"a figure's name ends in .png or .pdf, got {str(path)!r}; choose one of them")
+    refuse_overwrite(path, overwrite)
+
+
 def save(figure: Figure, path: Path, overwrite: bool = True) -> None:
     """Write a figure whole or not at all; without a date, so the same figure gives the same bytes."""
+    check_figure(path, overwrite)
     kind = path.suffix.lstrip(".").lower()
     metadata = {"CreationDate": None} if kind == "pdf" else {"Software": None}
     with mpl.rc_context(LOOK), staged(path, overwrite) as stage:

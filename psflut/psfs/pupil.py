@@ -11,6 +11,9 @@ from psflut.errors import PsflutError
 from psflut.optics import Camera, Floats, defocus_wavefront
 from psflut.psfs import PSFModel, disc_radius
 
+MOST_SAMPLES = 8192
+"""Across the pupil: a gigabyte in double precision."""
+
 
 @dataclass(frozen=True)
 class Pupil(PSFModel):
@@ -66,7 +69,13 @@ class Pupil(PSFModel):
         period = max(0.7 * size, reach) + 1.5 * reach
         psf, wavelengths = np.zeros((size, size)), self.wavelengths or (camera.wavelength,)
         for wavelength in wavelengths:
-            x, y, amplitude = _disc(next_fast_len(max(128, int(period * pitch / wavelength) + 1)))
+            samples = max(128, int(period * pitch / wavelength) + 1)
+            if samples > MOST_SAMPLES:
+                raise PsflutError(
+                    f"blur and aberrations at {distance} m want a pupil of {samples} samples a side, at most "
+                    f"{MOST_SAMPLES} are made; take smaller aberrations, blur, or size"
+                )
+            x, y, amplitude = _disc(next_fast_len(samples))
             wavefront = defocus_wavefront(camera, distance) * (x**2 + y**2)
             for n, m, waves in self.zernikes:
                 wavefront += waves * camera.wavelength * _zernike(n, m, x, y)

@@ -79,7 +79,7 @@ def learn_gross(
 
     misfit = float(np.quantile([each.misfit for found in solved(np.inf) for each in found], USUAL))
     exact = [
-        (Density(each.bank.even, each.fit.log_evidence, table.position), distance)
+        (Density(each.even, each.fit.log_evidence, table.position), distance)
         for found, trial in zip(solved(misfit), trials, strict=True)
         for each, distance in zip(found, trial.distance, strict=True)
     ]

@@ -22,9 +22,6 @@ Floats = NDArray[np.float64]
 FAINT = 1e-9
 """Share of the largest attenuation below which one counts as that: no capture shows it."""
 
-STEP = 1e-3
-"""Of the derivative by distance, in spans of the table."""
-
 
 def budget(found: Grid, table: PSFTable, distance: float) -> dict[str, float]:
     """Standard deviations (metres) at a distance (metres) of a patch, each at most the table's span.
@@ -52,15 +49,11 @@ def budget(found: Grid, table: PSFTable, distance: float) -> dict[str, float]:
 
 def _sd(bank: Bank, even: Floats, theta: Floats, noise: Floats) -> float:
     """Root of the Cramer-Rao bound in the even coordinate, the spectrum's coefficients projected out."""
-    low, high = bank.even.min(), bank.even.max()
-    step = STEP * (high - low)
-    ends = np.clip([even[0] - step, even[0] + step], low, high)
-    below, above = bank.at(ends)
     kept = bank.at(even)[0]
     kept = np.maximum(kept, FAINT * kept.max())
     scene = evidence.scene_power(kept, theta, bank)
     weight = bank.shape * (scene / (scene + noise)) ** 2
-    slope = (above - below) / np.diff(ends) / kept
+    slope = bank.slope(even)[0] / kept
     cross = (weight * slope) @ bank.basis
     told = np.sum(weight * slope**2) - cross @ np.linalg.solve(curvature(weight[None], bank)[0], cross)
-    return float(1.0 / np.sqrt(max(told, 1.0 / (high - low) ** 2)))
+    return float(1.0 / np.sqrt(max(told, 1.0 / np.ptp(bank.even) ** 2)))

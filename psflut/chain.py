@@ -105,19 +105,19 @@ def _draw(found: Grid, uniform: Floats, normal: Floats) -> Floats:
     """Draws of distance from the grid posterior and, given each, of theta from its normal fit: (n, 1 + J)."""
     even = found.exact.quantile(uniform)
     nearest = _nearest(found, even)
-    factor = np.linalg.cholesky(np.linalg.inv(found.fit.curvature[nearest]))
+    factor = np.linalg.cholesky(np.linalg.inv(found.curvature[nearest]))
     return np.column_stack([even, found.fit.theta[nearest] + (factor @ normal[..., None])[..., 0]])
 
 
 def _leap(found: Grid) -> Callable[[Floats, Any], tuple[Floats, Floats]]:
     """A proposal of `_draw` whatever the walker's place, which leaves ln sigma as it is."""
     terms = _terms(found)
-    log_determinant = np.linalg.slogdet(found.fit.curvature)[1]
+    log_determinant = np.linalg.slogdet(found.curvature)[1]
 
     def log_density(points: Floats) -> Floats:
         even, nearest = points[:, 0], _nearest(found, points[:, 0])
         offset = points[:, 1 : 1 + terms] - found.fit.theta[nearest]
-        square = np.einsum("ni,nij,nj->n", offset, found.fit.curvature[nearest], offset)
+        square = np.einsum("ni,nij,nj->n", offset, found.curvature[nearest], offset)
         height = np.interp(even, found.exact.nodes, found.exact.values)
         return np.asarray(np.log(np.maximum(height, 1e-300)) + 0.5 * (log_determinant[nearest] - square))
 
@@ -131,7 +131,7 @@ def _leap(found: Grid) -> Callable[[Floats, Any], tuple[Floats, Floats]]:
 
 def _nearest(found: Grid, even: Floats) -> NDArray[np.intp]:
     """The candidate next to each even coordinate."""
-    return np.asarray(np.argmin(np.abs(found.bank.even - even[:, None]), axis=1))
+    return np.asarray(np.argmin(np.abs(found.even - even[:, None]), axis=1))
 
 
 def _terms(found: Grid) -> int:

@@ -63,10 +63,15 @@ class Bank:
         """Attenuation (..., K) between the candidates, by a cubic spline."""
         return np.asarray(np.maximum(self._spline(np.clip(even, self.even.min(), self.even.max())), 0.0))
 
-    @cached_property
-    def products(self) -> Floats:
-        """(K, J * J) products of any two basis functions."""
-        return (self.basis[:, :, None] * self.basis[:, None, :]).reshape(len(self.basis), -1)
+    def slope(self, even: ArrayLike) -> Floats:
+        """Derivative (..., K) of the attenuation by the even coordinate."""
+        return np.asarray(self._spline(np.clip(even, self.even.min(), self.even.max()), 1))
+
+    def counted(self, share: float) -> "Bank":
+        """The same with shapes that count for that share."""
+        other = replace(self, shape=share * self.shape)
+        vars(other)["_spline"] = self._spline  # of what has not changed
+        return other
 
     @cached_property
     def _spline(self) -> CubicSpline:

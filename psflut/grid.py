@@ -1,7 +1,7 @@
 """The posterior of distance on the table's own grid: what the evidence methods share."""
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from psflut.density import Density
 from psflut.estimation import Problem
 from psflut.gross import with_gross_errors
 from psflut.imagers import Imager
-from psflut.laplace import Fit
+from psflut.laplace import Fit, curvature_at
 from psflut.spectrum import annuli
 from psflut.spread import Spread, spread
 from psflut.table import PSFTable
@@ -28,6 +28,9 @@ class Grid:
     Parameters
     ----------
     bank : Bank
+        Of the table, with shapes that count as they do for this patch.
+    even : (M,) array
+        Distances that were looked at, in the coordinate in which the prior is flat, ascending.
     power, noise : (K,) arrays
         Of the patch and of its noise, by annulus.
     fit : Fit
@@ -42,6 +45,7 @@ class Grid:
     """
 
     bank: evidence.Bank
+    even: Floats
     power: Floats
     noise: Floats
     fit: Fit
@@ -50,9 +54,14 @@ class Grid:
     density: Density
     misfit: float
 
+    @cached_property
+    def curvature(self) -> Floats:
+        """(M, J, J) minus the second derivative of the log density by the coefficients at every maximum."""
+        return curvature_at(self.power, self.noise, self.bank.at(self.even), self.fit.theta, self.bank)
+
     def scene_at(self, even: float) -> Floats:
-        """(J,) coefficients of the scene's spectrum that suit the candidate next to an even coordinate best."""
-        return np.asarray(self.fit.theta[np.argmin(np.abs(self.bank.even - even))])
+        """(J,) coefficients of the scene's spectrum that suit the distance next to an even coordinate best."""
+        return np.asarray(self.fit.theta[np.argmin(np.abs(self.even - even))])
 
 
 def grid(problem: Problem, candidates: int) -> Grid:
@@ -60,10 +69,10 @@ def grid(problem: Problem, candidates: int) -> Grid:
     bank = cached_bank(problem.table, problem.shape, problem.imager, candidates)
     noise = evidence.noise_power(bank, problem.noise, problem.mean_level)
     found = solve(problem.power, noise, bank)
-    width = spread(problem.table, problem.shape, found.bank, noise, found.fit.log_evidence, found.fit.theta)
-    exact = Density(found.bank.even, found.fit.log_evidence, problem.table.position)
+    width = spread(problem.table, problem.shape, found.bank, noise, found.even, found.fit.log_evidence, found.fit.theta)
+    exact = Density(found.even, found.fit.log_evidence, problem.table.position)
     density = with_gross_errors(exact, bank.prior.gross).widened(width)
-    return Grid(found.bank, problem.power, noise, found.fit, exact, width, density, found.misfit)
+    return Grid(found.bank, found.even, problem.power, noise, found.fit, exact, width, density, found.misfit)
 
 
 def restored(problem: Problem, found: Grid, distance: float) -> Floats:

@@ -170,7 +170,7 @@ def _amplitude(pair: Crossing, even: Floats, places: Floats, found: Residual) ->
     ]
     both = replace(one, even=even, attenuation=parts[0] + parts[1])
     solved = solve(power, np.ones_like(power), both)
-    alone = Density(solved.bank.even, solved.fit.log_evidence, pair.first.table.position)
+    alone = Density(solved.even, solved.fit.log_evidence, pair.first.table.position)
     density = with_gross_errors(alone, solved.bank.prior.gross)
     return CubicSpline(density.nodes, density.log_values)
 

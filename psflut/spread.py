@@ -55,7 +55,13 @@ difference of its neighbours."""
 
 
 def spread(
-    table: PSFTable, shape: tuple[int, int], bank: evidence.Bank, noise: Floats, log_density: Floats, theta: Floats
+    table: PSFTable,
+    shape: tuple[int, int],
+    bank: evidence.Bank,
+    noise: Floats,
+    places: Floats,
+    log_density: Floats,
+    theta: Floats,
 ) -> Spread:
     """The standard deviation of a table's own error, from even coordinates (n,) to the same coordinate (n,).
 
@@ -67,16 +73,18 @@ def spread(
     bank : Bank
     noise : (K,) array
         Noise power by annulus.
+    places : (M,) array
+        Even coordinates.
     log_density : (M,) array
-        Of the candidates, as the patch has it; only likely ones are looked at.
+        There, as the patch has it; only likely places are looked at.
     theta : (M, J) array
         Coefficients of the scene's spectrum that go with each.
     """
-    places, sd = bank.even, np.zeros_like(bank.even)
+    sd = np.zeros_like(places)
     if table.psf_std is not None:
         likely = np.flatnonzero(log_density > log_density.max() + np.log(FAINT))
         chosen = likely[:: -(-len(likely) // PLACES)]
-        places, sd = bank.even[chosen], pixels(table, shape, bank, noise, theta, chosen)
+        places, sd = places[chosen], pixels(table, shape, bank, noise, places[chosen], theta[chosen])
     order = np.argsort(places)
 
     def total(even: Floats) -> Floats:
@@ -129,33 +137,33 @@ def _missed(table: PSFTable) -> Floats:
 
 
 def pixels(
-    table: PSFTable, shape: tuple[int, int], bank: evidence.Bank, noise: Floats, theta: Floats, chosen: NDArray[np.intp]
+    table: PSFTable, shape: tuple[int, int], bank: evidence.Bank, noise: Floats, places: Floats, theta: Floats
 ) -> Floats:
-    """Standard deviation of the likeliest place due to the pixels' errors, at the `chosen` candidates.
+    """Standard deviation of the likeliest place due to the pixels' errors, at each of a few places (n,).
 
     An error e of ln T by annulus moves the maximum of the evidence by q . e / (q . t'), with t' = d ln T / d even,
     q = W' t' and W' the annuli's weights a share^2 less what the scene's spectrum takes up. With T the tapered,
     averaged |H|^2, q . e is linear in small errors of the pixels, which are taken as independent; a pixel that is
     exactly zero was cut off and has none. Positions between planes have the errors of their neighbours.
     """
-    att = np.maximum(bank.attenuation, 1e-300)
-    scene = evidence.scene_power(att[chosen], theta[chosen], bank)
+    att = np.maximum(bank.at(places), 1e-300)
+    scene = evidence.scene_power(att, theta, bank)
     weight = bank.shape * (scene / (scene + noise)) ** 2
-    slope = np.gradient(np.log(att), bank.even, axis=0)[chosen]
+    slope = bank.slope(places) / att
     taken = np.linalg.solve(curvature(weight, bank), ((weight * slope) @ bank.basis)[..., None])[..., 0]
     q = weight * (slope - taken @ bank.basis.T)
     half = table.size // 2
     rings, kept = annuli(shape), np.ix_(*[np.r_[-half : half + 1]] * 2)
     bins = np.bincount(rings.index.ravel())[: len(noise)]
     out = []
-    for k, place, towards in zip(chosen, bank.even[chosen], q, strict=True):
+    for place, towards, along_axis in zip(places, q, slope, strict=True):
         psf, std = table.at(np.clip(table.position(place), *table.span)), pixel_std(table, float(place))
         otf = transfer(psf, shape)
         power = rings.mean(rings.smear(np.abs(otf) ** 2))
         change = np.append(towards / (bins * power), 0.0)[rings.index]
         gradient = np.prod(shape) * fft.irfft2(rings.smear(change) * otf, s=shape)[kept]
         gradient -= np.sum(gradient * psf)  # the sum of a PSF is 1 whatever its errors
-        told = np.sum(towards * slope[chosen == k])  # nothing where all planes are alike
+        told = np.sum(towards * along_axis)  # nothing where all planes are alike
         out.append(np.sqrt(np.sum((gradient * std) ** 2)) / told if told > 0 else np.inf)
     return np.minimum(out, np.ptp(bank.even))
 

@@ -44,6 +44,7 @@ FLOORS = [  # from the roof to the cellar; a module imports from lower floors on
     {"psflut.edgeshape"},
     {"psflut.edges"},
     {"psflut.laplace"},
+    {"psflut.newton"},
     {"psflut.evidence", "psflut.restore", "psflut.focus", "psflut.density", "psflut.lines", "psflut.covariance"},
     {"psflut.texture", "psflut.spectrum"},
     {"psflut.summary", "psflut.capture", "psflut.store"},
@@ -60,6 +61,7 @@ FLOORS = [  # from the roof to the cellar; a module imports from lower floors on
 DOORS = {
     "zarr": {"psflut.store", "psflut.results"},
     "emcee": {"psflut.chain"},
+    "numba": {"psflut.newton"},
     "matplotlib": {"psflut.plots"},
     "jinja2": {"psflut.reporting"},
 }

@@ -58,16 +58,16 @@ def shares_of_the_grid(trials, believed=1.0):
     for first in range(0, len(trials.even), BATCH):
         power, truth = trials.power[first : first + BATCH], trials.even[first : first + BATCH]
         for found, even in zip(solve_all(power, noise[: len(power)], trials.bank), truth, strict=True):
-            density = Density(found.bank.even, found.fit.log_evidence, np.asarray)
+            density = Density(found.even, found.fit.log_evidence, np.asarray)
             out.append(np.interp(even, density.nodes, density.cumulative))
     return np.array(out)
 
 
 def found_by_the_grid(trials, k):
     """The grid of a trial, for a table without errors."""
-    bank, fit, misfit = solve(trials.power[k], trials.noise, trials.bank)
-    exact = Density(bank.even, fit.log_evidence, np.asarray)
-    return Grid(bank, trials.power[k], trials.noise, fit, exact, np.zeros_like, exact, misfit)
+    even, fit, bank, misfit = solve(trials.power[k], trials.noise, trials.bank)
+    exact = Density(even, fit.log_evidence, np.asarray)
+    return Grid(bank, even, trials.power[k], trials.noise, fit, exact, np.zeros_like, exact, misfit)
 
 
 def shares_of_emcee(trials, rng):
@@ -88,10 +88,10 @@ def shares_from_one_mode(trials, rng):
     out = []
     for k, even in enumerate(trials.even):
         found = found_by_the_grid(trials, k)
-        side = np.flatnonzero(np.sign(found.bank.even) == rng.choice([-1, 1]))
+        side = np.flatnonzero(np.sign(found.even) == rng.choice([-1, 1]))
         best = side[np.argmax(found.fit.log_evidence[side])]
-        start = np.r_[found.bank.even[best], found.fit.theta[best]] + 1e-4 * rng.standard_normal((32, 11))
-        start[:, 0] = np.clip(start[:, 0], found.bank.even.min(), found.bank.even.max())
+        start = np.r_[found.even[best], found.fit.theta[best]] + 1e-4 * rng.standard_normal((32, 11))
+        start[:, 0] = np.clip(start[:, 0], found.even.min(), found.even.max())
         sampler = emcee.EnsembleSampler(
             32, 11, chain.log_probability(found, False), moves=emcee.moves.DEMove(), vectorize=True
         )

@@ -100,7 +100,7 @@ class BlindRl(AbstractEstimator):
         scenes = _scenes(self._powers(problem), noise, starts)[order]
         theta = CubicSpline(starts.even[order], scenes)(fine.even)
         score = _score(problem.power, noise, theta, fine)
-        width = spread(table, problem.shape, fine, noise, self.tempering * score, theta)
+        width = spread(table, problem.shape, fine, noise, fine.even, self.tempering * score, theta)
         density = Density(fine.even, self.tempering * score, table.position).widened(width)
         restored, psf, _ = self._restored(problem, table.at(density.modes()[0].distance))
         return conclude(

@@ -76,7 +76,7 @@ class Posterior(AbstractEstimator):
             level=problem.level,
             outcome=outcome,
             modes=modes,
-            curve=Curve(problem.table.position(found.bank.even), found.fit.log_evidence, "log evidence"),
+            curve=Curve(problem.table.position(found.even), found.fit.log_evidence, "log evidence"),
             stats=stats
             | {
                 "misfit": found.misfit,

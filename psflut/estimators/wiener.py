@@ -34,7 +34,7 @@ class Wiener(AbstractEstimator):
         return conclude(
             problem,
             found.density,
-            Curve(problem.table.position(found.bank.even), found.fit.log_evidence, "log evidence"),
+            Curve(problem.table.position(found.even), found.fit.log_evidence, "log evidence"),
             stats={"misfit": found.misfit, "budget": budget(found, problem.table, distance)},
             detail={"restored": restored(problem, found, distance)},
         )

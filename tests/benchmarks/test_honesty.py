@@ -70,7 +70,7 @@ def read(table, side):
     for k, distance, image in captures(table):
         bank = banks[k]
         found = solve(annular_power(image[cut : cut + side, cut : cut + side]), noise, bank)
-        exact = Density(found.bank.even, found.fit.log_evidence, table.position)
+        exact = Density(found.even, found.fit.log_evidence, table.position)
         density = with_gross_errors(exact, bank.prior.gross)
         rows.append((distance, density.modes()[0].distance, *density.interval(0.95), *density.interval(0.68)))
     return np.array(rows).T

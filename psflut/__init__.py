@@ -11,6 +11,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "capture": ["Setup", "ideal_image", "simulate"],
+        "depthmaps": ["DepthMap", "depthmap"],
         "errors": ["PsflutError"],
         "estimation": ["Estimate", "Observation", "Outcome", "estimate"],
         "images": ["read_image"],

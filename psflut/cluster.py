@@ -1,25 +1,30 @@
-"""The work of a comparison on a Dask cluster that is running already."""
+"""Work in pieces on a Dask cluster that is running already: of a comparison, of a map of distances."""
 
 import logging
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from typing import Any
 
 from psflut import __version__
 from psflut.errors import PsflutError
-from psflut.trial import Bench, Record, Unit, trial
+from psflut.trial import trial
 
 PATIENCE = 5.0
 """Seconds in which a scheduler must answer, and have a worker."""
 
 
-def cluster(bench: Bench, units: Sequence[Unit], address: str) -> Iterator[list[Record]]:
-    """The records of every unit, in the order in which they come.
+def cluster(shared: Any, units: Sequence[Any], address: str, work: Callable[[Any, Any], Any] = trial) -> Iterator[Any]:
+    """What `work` makes of every unit, in the order in which they come.
 
     Parameters
     ----------
+    shared : object
+        What all units need, such as a `Bench`: sent to every worker once.
+    units : sequence
     address : str
         Of the scheduler, such as ``tcp://192.168.0.5:8786``.
+    work : callable
+        From `shared` and a unit to what is yielded; a function of a module.
 
     Raises
     ------
@@ -31,8 +36,8 @@ def cluster(bench: Bench, units: Sequence[Unit], address: str) -> Iterator[list[
     from distributed import as_completed
 
     with client:
-        shared = client.scatter(bench, broadcast=True, hash=False)
-        futures = [client.submit(_work, shared, unit, pure=False) for unit in units]
+        sent = client.scatter(shared, broadcast=True, hash=False)
+        futures = [client.submit(_work, work, sent, unit, pure=False) for unit in units]
         try:
             for done in as_completed(futures, loop=client.loop):
                 yield done.result()
@@ -87,6 +92,6 @@ def _one_thread() -> None:
     threadpool_limits(1)
 
 
-def _work(bench: Bench, unit: Unit) -> list[Record]:
+def _work(work: Callable[[Any, Any], Any], shared: Any, unit: Any) -> Any:
     _one_thread()
-    return trial(bench, unit)
+    return work(shared, unit)

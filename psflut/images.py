@@ -66,7 +66,16 @@ def read_image(path: Path, gamma: float = 1.0, srgb: bool = False, page: int | N
         If the file is missing, empty, truncated or no image; if it lacks the page, or has several and none is
         named; if it is not real and numeric, or holds values that are not finite.
     """
-    raw = _read(path, page)
+    return decoded(path, _read(path, page), gamma, srgb)
+
+
+def read_raw(path: Path, page: int | None = None) -> NDArray[Any]:
+    """What an image file holds, for `decoded`, lines of it if need be; an uncompressed TIFF is not read but mapped."""
+    return _read(path, page, mapped=True)
+
+
+def decoded(path: Path, raw: NDArray[Any], gamma: float = 1.0, srgb: bool = False) -> Picture:
+    """The picture that raw values make, those of `read_raw` or some lines of them; see `read_image`."""
     _check(path, raw)
     if raw.ndim == 3:
         raw = raw[..., :3] if raw.shape[-1] >= 3 else raw[..., 0]
@@ -138,10 +147,10 @@ def crop(shape: tuple[int, ...], patch: str | None) -> tuple[slice, slice]:
     return slice(starts[0], starts[0] + sides[0]), slice(starts[1], starts[1] + sides[1])
 
 
-def _read(path: Path, page: int | None) -> NDArray[Any]:
+def _read(path: Path, page: int | None, mapped: bool = False) -> NDArray[Any]:
     with _one_sentence(path):
         if _is_tiff(path):
-            return tiffs.read_page(path, page)
+            return tiffs.read_page(path, page, mapped)
         if page:
             raise PsflutError(f"has one page, page 0, there is no page {page}; only a TIFF may have more")
         return _read_raw(path) if _is_raw(path) else _read_picture(path.read_bytes())

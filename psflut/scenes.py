@@ -5,8 +5,8 @@ between the two nearest to it, W_k its share of layer k, and each spreads its li
 
     g = sum_k V_k (h_k * W_k f) / sum_k V_k (h_k * W_k)        V_k = 1 - sum_j h_j * W_j over layers nearer by `GAP`
 
-V_k is the share of the lens that looks past nearer objects. One plane is `psflut.capture.capture` exactly, and a slanted
-or curved surface has everywhere the PSF of its own distance.
+V_k is the share of the lens that looks past nearer objects. One plane is `psflut.capture.capture` exactly, and a
+slanted or curved surface has everywhere the PSF of its own distance.
 
 Occlusion is simple: the blurred rim of a near object covers what lies behind it by its own share of the lens, as in a
 camera; but of the background that it hides a camera would see a little past its rim, from within. That is not known,
@@ -98,7 +98,7 @@ def blurred(
 
 
 def motorcycle(near: float = 1.0, far: float = 4.0) -> tuple[Floats, Floats]:
-    """scikit-image's motorcycle (Middlebury 2014): linear intensity (500, 741), and the distance of every pixel, metres.
+    """scikit-image's motorcycle (Middlebury 2014): linear intensity (500, 741), and every pixel's distance, metres.
 
     Vergence is taken linear in disparity, as it is in a stereo rig, from `near` to `far`. Where disparity is not known
     the farther of the two neighbours in the row goes on, as what only one camera sees lies behind.

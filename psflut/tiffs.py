@@ -14,7 +14,7 @@ AXES = ("YX", "YXS", "SYX")
 
 MOST_PAGES = 100_000
 LARGEST = 2**28
-"""Most values of a page."""
+"""Most values of a page that is read and not mapped."""
 
 
 def is_tiff(path: Path) -> bool:
@@ -41,8 +41,10 @@ def page_shapes(path: Path) -> tuple[tuple[int, int], ...]:
     return shapes
 
 
-def read_page(path: Path, page: int | None) -> NDArray[Any]:
+def read_page(path: Path, page: int | None, mapped: bool = False) -> NDArray[Any]:
     """The values of a page as they are stored, (H, W) or (H, W, S); without a number there must be a single one.
+
+    With `mapped` those of an uncompressed page stay on disk until they are looked at.
 
     Raises
     ------
@@ -65,10 +67,11 @@ def read_page(path: Path, page: int | None) -> NDArray[Any]:
         if kind not in (tifffile.PHOTOMETRIC.MINISBLACK, tifffile.PHOTOMETRIC.RGB):
             raise PsflutError(f"is a TIFF of kind {getattr(kind, 'name', kind)}; write it as grey levels or RGB")
         whole = chosen.compression != tifffile.COMPRESSION.NONE or chosen.nbytes <= path.stat().st_size
-        if chosen.size > LARGEST or not whole:
+        mapped = mapped and chosen.is_memmappable
+        if (chosen.size > LARGEST and not mapped) or not whole:
             sides = " x ".join(map(str, chosen.shape))
             raise PsflutError(f"claims a page of {sides} values, more than it holds or {LARGEST}; write it again")
-        raw = np.asarray(chosen.asarray())
+        raw = chosen.asarray(out="memmap" if mapped else None)
         return np.moveaxis(raw, 0, -1) if chosen.axes == "SYX" else raw
 
 

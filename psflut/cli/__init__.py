@@ -24,6 +24,7 @@ COMMANDS = (
     "check",
     "simulate",
     "estimate",
+    "depthmap",
     "report",
     "compare",
     "limits",

@@ -1,6 +1,7 @@
 """Figures, a topic a file: results in, Figure out. One look, units on every axis."""
 
 from psflut.plots.comparison import agreement, palette_of, relative_errors, reliability, scatter
+from psflut.plots.depthmaps import depthmap, risk_coverage
 from psflut.plots.estimates import curve, curves
 from psflut.plots.images import page, pictures
 from psflut.plots.limits import limits
@@ -15,6 +16,7 @@ __all__ = [
     "check_figure",
     "curve",
     "curves",
+    "depthmap",
     "filters",
     "limits",
     "otfs",
@@ -25,6 +27,7 @@ __all__ = [
     "ranges",
     "relative_errors",
     "reliability",
+    "risk_coverage",
     "save",
     "scatter",
 ]

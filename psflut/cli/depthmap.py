@@ -1,0 +1,168 @@
+"""`psflut depthmap`: distances of all patches of an image, or of a sequence."""
+
+import json
+from contextlib import ExitStack
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from psflut import family
+from psflut.cli import console
+from psflut.cli.options import Gamma, ImagerOption, Json, NoiseOption, Overwrite, Srgb, TableOption
+from psflut.errors import PsflutError
+
+if TYPE_CHECKING:
+    from psflut.depthmaps import DepthMap
+    from psflut.mapping import Job
+
+
+def run(
+    images: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="IMAGE...",
+            help="Captures: PNG, TIFF of one page or many, .npy or .zarr (y, x) or (time, y, x), folders of pictures. "
+            "Several are a sequence.",
+        ),
+    ],
+    table: TableOption,
+    output: Annotated[
+        list[Path] | None,
+        typer.Option("-o", "--output", help="The map: NAME.zarr, .tif or .png; may be given several times."),
+    ] = None,
+    size: Annotated[int, typer.Option(help="Side of a patch, pixels.")] = 64,
+    stride: Annotated[int, typer.Option(help="From patch to patch, pixels.")] = 32,
+    noise: NoiseOption = None,
+    imager: ImagerOption = None,
+    pixel_pitch: Annotated[
+        str | None, typer.Option(help="Of the images, with a unit: '6 um'. Another than the table's is refused.")
+    ] = None,
+    level: Annotated[float, typer.Option(min=0, max=1, help="Probability of the intervals.")] = 0.95,
+    smooth: Annotated[bool, typer.Option("--smooth", help="Also smooth distances across patches that agree.")] = False,
+    rate: Annotated[float | None, typer.Option(help="Frames a second of a sequence, for its time axis.")] = None,
+    threads: Annotated[int | None, typer.Option(min=1, help="Default: one for every core.")] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS", help="Of a running Dask scheduler: its workers do the work (extra: lab)."),
+    ] = None,
+    as_json: Json = False,
+    gamma: Gamma = 1.0,
+    srgb: Srgb = False,
+    overwrite: Overwrite = False,
+) -> None:
+    """Map the distances of an image's patches; run it again and it goes on where it stopped.
+
+    Images of any size are read line by line where they are uncompressed TIFF, .npy or .zarr. What is finished is kept
+    beside the first output until all is.
+    """
+    from tqdm import tqdm
+
+    from psflut.cluster import cluster
+    from psflut.depthmaps import assemble, plan
+    from psflut.frames import frames
+    from psflut.mapfiles import check_map, write_map
+    from psflut.mapping import local, resumed, settings, solve
+    from psflut.noise import parse_noise
+    from psflut.store import read_table
+    from psflut.workers import cores
+
+    tabled, outputs = read_table(table), output or []
+    family.parse("psflut.imagers", imager or tabled.imager)
+    _check_pitch(pixel_pitch, tabled.pixel_pitch)
+    if rate is not None and not 0 < rate < float("inf"):
+        raise PsflutError(f"a rate is a positive number of frames a second, got {rate}")
+    if len({path.resolve() for path in outputs}) < len(outputs):
+        raise PsflutError("two outputs have one name; give each its own")
+    sequence = frames(images, gamma, srgb)
+    for path in outputs:
+        check_map(path, overwrite, len(sequence.names))
+    middle = sequence.lines(0, 0, min(sequence.shape[0], size)).image
+    job = plan(sequence, tabled, size, stride, None if noise is None else parse_noise(noise, middle), imager, level)
+    work = partial(cluster, address=scheduler, work=solve) if scheduler else partial(local, threads=threads or cores())
+    pieces = job.pieces()
+    kept = outputs[0].with_name(f".{outputs[0].name}.unfinished") if outputs else None
+    with ExitStack() as stack:
+        done = stack.enter_context(resumed(job, pieces, work, kept, settings(job, images)))
+        bar = stack.enter_context(tqdm(done, total=len(pieces), unit="piece", disable=None, smoothing=0))
+        try:
+            found = assemble(job, bar, smooth=smooth, sequence=len(sequence.names) > 1, rate=rate)
+        except KeyboardInterrupt:
+            if kept is not None:
+                count = len(list(kept.glob("*-*-*.npz")))
+                console.say(f"{count} of {len(pieces)} pieces are done and kept in {kept}; the same command goes on")
+            raise
+        scene = sequence.lines(0, 0, sequence.shape[0]).image if any(p.suffix == ".png" for p in outputs) else None
+        for path in outputs:
+            write_map(found, path, scene, overwrite)
+    if noise is None and tabled.noise is None:
+        console.say(f"noise {job.noise.read:.3g} is estimated from {images[0]}; pass --noise where it is known")
+    console.say_what_wins(tabled, noise, imager)
+    _say(job, found, as_json)
+    for path in outputs:
+        console.say(f"the map is in {path}")
+
+
+def _check_pitch(text: str | None, pitch: float) -> None:
+    from psflut.units import format_length, parse_length
+
+    if text is not None and abs(parse_length(text) / pitch - 1.0) > 1e-6:
+        raise PsflutError(
+            f"the images have pixels of {format_length(parse_length(text))}, the table of {format_length(pitch)}; "
+            "give the table of their camera"
+        )
+
+
+def _say(job: "Job", found: "DepthMap", as_json: bool) -> None:
+    """JSON of every patch; or for a person a row a frame, and what the outcomes mean."""
+    from psflut.batch import OUTCOMES
+
+    rows: list[tuple[str, ...]] = [("image", "patches", "sure", "5 %", "median", "95 %", "outcomes")]
+    for number, name in enumerate(job.frames.names):
+        one = found.frame(number)
+        if as_json:
+            for record in _records(name, one):
+                print(json.dumps(record))
+            continue
+        quantiles = (f"{z:.3f} m" for z in _quantiles(one))
+        outcomes = ", ".join(f"{count} {outcome}" for outcome, count in one.counts().items() if count)
+        rows.append((name, " x ".join(map(str, one.distance.shape)), f"{one.sure.mean():.0%}", *quantiles, outcomes))
+    if not as_json:
+        console.print_rows(rows)
+        for outcome in OUTCOMES:
+            if outcome.value and found.counts()[outcome.name.lower()]:
+                console.say(f"{outcome.name.lower()}: {outcome.value}")
+
+
+def _quantiles(found: "DepthMap") -> list[float]:
+    """Of the sure patches' distances, of all where none is sure."""
+    import numpy as np
+
+    distance = found.distance[found.sure] if found.sure.any() else found.distance
+    return [float(z) for z in np.quantile(distance, [0.05, 0.5, 0.95])]
+
+
+def _records(name: str, found: "DepthMap") -> list[dict[str, Any]]:
+    """The JSON objects of a frame's patches: y, x of the centre in pixels, lengths in metres; null for no misfit."""
+    import numpy as np
+
+    from psflut.batch import OUTCOMES
+
+    records = []
+    for row, column in np.ndindex(found.distance.shape):
+        at, misfit = (row, column), float(found.misfit[row, column])
+        record = {
+            "image": name,
+            "y": float(found.y[row]),
+            "x": float(found.x[column]),
+            "distance_m": float(found.distance[at]),
+            "interval_m": found.interval[at].tolist(),
+            "wide_m": found.wide[at].tolist(),
+            "level": found.about["level"],
+            "outcome": OUTCOMES[found.outcome[at]].name.lower(),
+            "misfit": misfit if np.isfinite(misfit) else None,
+        }
+        smooth = {} if found.smooth is None else {"smooth_m": float(found.smooth[at])}
+        records.append(record | smooth)
+    return records

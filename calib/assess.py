@@ -56,6 +56,8 @@ class Assessment:
         if len(table.axis) >= LEAST_FOR_CHECK:
             found = hold_out(table.axis, table.kind, measurements, table.pixel_pitch, lens)
             check = facts(found, table.kind)
+            if lens is not None and np.any(found.gap):  # it explains the frames: what planes may be apart follows
+                check["lens"] = {"slope": lens.slope, "focus": lens.focus, "sampling": lens.sampling}
             if std is None and len(found.position) >= LEAST_FOR_PLACEMENT:
                 reading = reading_error(table, np.stack([each.std for each in measurements]))
                 std, check["placement_m"] = found.place.axis_std(reading), found.place.sigma

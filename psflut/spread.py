@@ -32,6 +32,7 @@ from scipy.interpolate import CubicSpline
 from psflut import evidence
 from psflut.fourier import transfer
 from psflut.laplace import curvature
+from psflut.sampling import too_far
 from psflut.spectrum import annuli
 from psflut.table import PSFTable
 
@@ -109,12 +110,17 @@ def placement(table: PSFTable, even: Floats) -> Floats:
 
 
 def between(table: PSFTable, even: Floats) -> Floats:
-    """Error of interpolation: none at planes, `MIDDLE` steps halfway times what planes left out are missed by."""
+    """Error of interpolation: none at planes, `MIDDLE` steps halfway times what planes left out are missed by.
+
+    Planes that are too far apart for diffraction (`psflut.sampling`) count as missed wholly.
+    """
     own = np.sort(table.even(table.axis))
     gap = np.clip(np.searchsorted(own, even) - 1, 0, len(own) - 2)
     step = np.diff(own)[gap]
     part = np.clip((even - own[gap]) / step, 0.0, 1.0)
-    return np.asarray(MIDDLE * step * 4 * part * (1 - part) * np.interp(even, own, _missed(table)))
+    far = too_far(table)[:: -1 if table.kind == "distance" else 1][gap]
+    missed = np.where(far, 1.0, np.interp(even, own, _missed(table)))
+    return np.asarray(MIDDLE * step * 4 * part * (1 - part) * missed)
 
 
 @lru_cache(maxsize=8)

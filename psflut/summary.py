@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from psflut.optics import blur_radius
+from psflut.sampling import advice
 from psflut.table import PSFTable
 from psflut.units import format_length
 
@@ -25,6 +26,7 @@ def summarise(table: PSFTable) -> dict[str, Any]:
         "imager": table.imager,
         "noise": dataclasses.asdict(table.noise) if table.noise else None,
         "check": table.check,
+        "sampling": advice(table),
         "provenance": dict(table.provenance),
     }
     if table.camera is not None:
@@ -48,6 +50,7 @@ def words(facts: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("psf", f"{size} x {size} pixels of {format_length(facts['pixel_pitch_m'])}"),
         ("imager", facts["imager"]),
         ("noise", _noise(facts)),
+        *([("planes", facts["sampling"])] if facts["sampling"] else []),
         *_check(facts),
     ]
     camera = facts["camera"]

@@ -52,6 +52,7 @@ FLOORS = [  # from the roof to the cellar; a module imports from lower floors on
     {"psflut.texture", "psflut.spectrum"},
     {"psflut.summary", "psflut.capture", "psflut.store"},
     {"psflut.layout"},
+    {"psflut.sampling"},
     {"psflut.table"},
     {"psflut.imagers", "psflut.psfs"},
     {"psflut.camera_file"},

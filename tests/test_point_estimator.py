@@ -81,6 +81,21 @@ def test_near_focus_a_step_of_half_a_wave_is_the_limit(table):
     assert max(errors[1]) > 0.05  # the control
 
 
+def test_intervals_know_planes_that_are_too_far_apart_near_focus():
+    """In the middle between two planes of 20, 0.64 waves apart; the control does not know the camera."""
+    bare = table_of(20)
+    known = replace(bare, camera=LAB)
+    even = np.sort(known.even(known.axis))
+    middles = 0.5 * (even[1:] + even[:-1])[:3]
+    ratios = []
+    for table in (known, bare):
+        found = [estimate(Observation(light(1 / u), QUIET), table, "point") for u in middles]
+        error = [abs(steps(table, one.distance, 1 / u)) for one, u in zip(found, middles, strict=True)]
+        half = [abs(steps(table, *one.interval)) / 2 for one in found]
+        ratios.append(max(np.divide(error, half)))
+    assert ratios[0] < 1 < ratios[1]
+
+
 @pytest.mark.parametrize("distance", [0.97, 1.133, 1.377, 1.6, 2.123, 2.434])
 def test_nor_does_a_place_between_the_pixels_mislead_it(table, distance):
     for place in ((2, 2), (1, -2), (-1, 0)):

@@ -19,6 +19,7 @@ def run(
 
     from calib.recipe import build as build_table
     from calib.recipe import read_recipe
+    from psflut.sampling import advice
     from psflut.store import check_target, write_table
 
     plan = read_recipe(recipe)
@@ -27,3 +28,5 @@ def run(
         table = build_table(plan, bar.update)
     write_table(table, output, overwrite)
     console.say(f"{output}: {len(table.axis)} planes of {table.size} x {table.size} pixels")
+    if (sentence := advice(table)) is not None:
+        console.say(f"{output}: {sentence}")

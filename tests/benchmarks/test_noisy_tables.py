@@ -17,12 +17,13 @@ from calib.targets import Measurement
 from psflut import capture
 from psflut.estimation import Problem
 from psflut.grid import grid
+from psflut.gross import with_gross_errors
 from psflut.imagers.plain import Plain
 from psflut.table import PSFTable
 
 pytestmark = pytest.mark.benchmark
 DISTANCES = (1.01, 1.19, 1.43, 1.73, 2.09, 2.71)
-SHORT = pytest.mark.xfail(reason="79 to 88 %: what cutting and smoothing move is in no standard error")
+SHORT = pytest.mark.xfail(reason="85 to 91 % instead of 97: what cutting and smoothing move is in no standard error")
 DENSE = (64, 0.0, "exact")
 
 
@@ -62,7 +63,8 @@ def measure(source, trials, case, tables=3):
         table = table_of(source, *case, seed)
         for trial in trials:
             found = grid(Problem(trial.image, table, Plain(), trial.noise, "given", 0.95), 100)
-            rows.append([figures(each, trial.distance) for each in (found.density, found.exact)])
+            bare = with_gross_errors(found.exact, found.bank.prior.gross)
+            rows.append([figures(each, trial.distance) for each in (found.density, bare)])
     error, covered, score = np.moveaxis(np.array(rows, dtype=float), 2, 0)
     out = np.stack([np.median(error, 0), np.mean(error > 0.1, 0), covered.mean(0), score.mean(0)], axis=1)
     for name, row in zip(("with its errors", "without"), out, strict=True):
@@ -86,8 +88,8 @@ def test_a_dense_exact_table_is_read_as_ever(dense):
     [
         pytest.param((20, 0.1, "cut"), marks=SHORT),
         pytest.param((20, 0.2, "cut"), marks=SHORT),
-        pytest.param((20, 0.1, "smooth"), marks=SHORT),
-        (20, 0.2, "smooth"),
+        (20, 0.1, "smooth"),
+        pytest.param((20, 0.2, "smooth"), marks=SHORT),
         (10, 0.0, "exact"),
         (8, 0.0, "exact"),
         (7, 0.0, "exact"),

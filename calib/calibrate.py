@@ -16,6 +16,7 @@ from calib.captures import shots
 from calib.manifest import Manifest
 from calib.modes import with_modes
 from calib.photons import noise_of, pair_bins
+from calib.planes import Planes
 from calib.singles import Singles
 from calib.targets import Measurement, Shot, Target
 from psflut import family
@@ -64,6 +65,7 @@ def calibrate(
     assessment: Assessment | None = None,
     modes: int | None = None,
     progress: Callable[[int], object] = lambda positions: None,
+    kept: Planes | None = None,
 ) -> PSFTable:
     """Measure the PSF at every position of a manifest and lay a smooth course through them.
 
@@ -84,6 +86,8 @@ def calibrate(
         Of how points differ (`calib.modes`), points being named by the manifest's rows.
     progress : callable
         Hears of every position measured.
+    kept : Planes or None
+        Of a build that was stopped; points by themselves (modes) are measured again.
 
     Raises
     ------
@@ -102,7 +106,7 @@ def calibrate(
             alone.append(singles.measure(shots, size, imager))
         progress(1)
 
-    axis, measured, repeats = measure_all(manifest, target, size, imager, encoding, look)
+    axis, measured, repeats = measure_all(manifest, target, size, imager, encoding, look, kept)
     points, left_out = singles.tables(axis, manifest.kind, alone, pixel_pitch) if singles else ([], [])
     noise, why_not = _noise(repeats, float(np.mean(encoding.dark)))
     table = replace(
@@ -127,6 +131,7 @@ def measure_all(
     imager: Imager,
     encoding: Encoding,
     look: Callable[[list[Shot]], object] = lambda shots: None,
+    kept: Planes | None = None,
 ) -> tuple[Floats, list[Measurement], list[Floats]]:
     """Positions (N,), metres, the PSF at each, and what repeated frames say of noise; every frame is read once.
 
@@ -136,7 +141,7 @@ def measure_all(
     repeats: list[Floats] = []
     for position in manifest.positions:
         frames = encoding.shots(manifest, position)
-        measured.append(target.measure(frames, size, imager))
+        measured.append((kept or Planes()).measure(target, frames, size, imager))
         repeats += pair_bins(list({id(shot.image): shot.image for shot in frames}.values()))  # a frame once
         look(frames)
     return np.array(manifest.positions), measured, repeats

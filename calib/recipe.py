@@ -4,6 +4,7 @@ import dataclasses
 import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
+from calib.planes import Planes
 from psflut import family
 from psflut.camera_file import CameraSettings, read_toml
 from psflut.capture import Setup
@@ -109,11 +111,16 @@ def _recipe(file: RecipeFile, sha256: str) -> Recipe:
     return found
 
 
-def build(recipe: Recipe, progress: Callable[[int], object] = lambda planes: None) -> PSFTable:
-    """The table of a recipe; `progress` hears of every plane computed."""
+def build(
+    recipe: Recipe, progress: Callable[[int], object] = lambda planes: None, kept: Planes | None = None
+) -> PSFTable:
+    """The table of a recipe; `progress` hears of every plane computed, or found among those that are `kept`."""
+    kept = kept or Planes()
     planes = np.empty((len(recipe.distances), recipe.size, recipe.size))
     for index, distance in enumerate(recipe.distances):
-        planes[index] = recipe.model(recipe.camera, distance, recipe.size)
+        planes[index] = kept.get(
+            [recipe.model, recipe.camera, distance, recipe.size], partial(_plane, recipe, distance)
+        )["psf"]
         progress(1)
     fixed = recipe.capture.noise
     return PSFTable(
@@ -131,6 +138,10 @@ def build(recipe: Recipe, progress: Callable[[int], object] = lambda planes: Non
             "recipe_sha256": recipe.sha256,
         },
     )
+
+
+def _plane(recipe: Recipe, distance: float) -> dict[str, NDArray[np.float64]]:
+    return {"psf": recipe.model(recipe.camera, distance, recipe.size)}
 
 
 def _even_in_vergence(span: Range) -> NDArray[np.float64]:

@@ -30,6 +30,7 @@ FLOORS = [  # from the roof to the cellar; a module imports from lower floors on
     {"calib.check", "calib.drift", "calib.fill", "calib.singles"},
     {"calib.build", "calib.modes", "calib.nearest", "calib.placement", "calib.ranges"},
     {"calib.recipe", "calib.captures"},
+    {"calib.planes"},
     {"calib.targets", "calib.manifest", "calib.photons"},
     {"calib.pupil_fit", "calib.alignment", "calib.noise_target"},
     {"calib.radial", "calib.rings", "calib.superresolution", "calib.unfilter"},

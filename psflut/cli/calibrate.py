@@ -54,6 +54,7 @@ def run(
     from calib.calibrate import calibrate as measure
     from calib.captures import read_dark
     from calib.manifest import read_manifest
+    from calib.planes import beside
     from psflut.camera_file import read_camera
     from psflut.store import check_target, write_table
     from psflut.summary import summarise, words
@@ -76,20 +77,22 @@ def run(
             plots.check_figure(drawing, overwrite)
     manifest = read_manifest(captures, least_positions=3)
     encoding = Encoding(gamma, srgb, read_dark(dark, gamma, srgb))
-    with tqdm(total=len(manifest.positions), unit="position", disable=None) as bar:
-        table = measure(
-            manifest,
-            part,
-            size,
-            pitch,
-            imager=filtering,
-            camera=lens,
-            encoding=encoding,
-            assessment=assessment,
-            modes=modes,
-            progress=bar.update,
-        )
-    write_table(table, output, overwrite)
+    with beside(output) as kept:
+        with tqdm(total=len(manifest.positions), unit="position", disable=None) as bar:
+            table = measure(
+                manifest,
+                part,
+                size,
+                pitch,
+                imager=filtering,
+                camera=lens,
+                encoding=encoding,
+                assessment=assessment,
+                modes=modes,
+                progress=bar.update,
+                kept=kept,
+            )
+        write_table(table, output, overwrite)
     if figure is not None:
         from psflut.plots import psfs, save
 

@@ -21,7 +21,7 @@ from psflut.optics import Camera
 from psflut.psfs.pupil import Pupil
 
 LENS = Camera.of(16e-3, 6e-6, f_number=2, focus_distance=6.0)
-SPLIT, SIZE, SIDE = 4, 31, 208
+SPLIT, SIZE, SIDE = 4, 31, 152
 FINE = dataclasses.replace(LENS, pixel_pitch=LENS.pixel_pitch / SPLIT)
 VIEWS = ((0.95, 1.04, 0.0), (1.3, 0.97, 0.5), (1.65, 1.02, -1.0), (2.1, 1.0, 0.3))
 """Distance (m), magnification against the reference, and turn (degrees)."""
@@ -95,10 +95,10 @@ def test_the_control_the_error_tells_neighbouring_distances_apart(measured):
     assert np.abs(measured[1].psf - truth(1.4)).sum() > 0.1
 
 
-def test_standard_errors_are_not_too_small(measured):
-    """The middle pixels decide of four PSFs, so that chance alone may make the errors half of the stated ones."""
+def test_standard_errors_are_honest(measured):
+    """Within the factor that a calibration promises."""
     error = sum(np.sum((each.psf - truth(view[0])) ** 2) for each, view in zip(measured, VIEWS, strict=True))
-    assert 0.5 < np.sqrt(error / sum(np.sum(each.std**2) for each in measured)) < 1.3
+    assert 1 / 1.3 < np.sqrt(error / sum(np.sum(each.std**2) for each in measured)) < 1.3
 
 
 def test_light_that_falls_off_and_a_background_do_no_harm(reference):
@@ -171,7 +171,7 @@ def test_a_reference_there_must_be():
 def captures(tmp_path_factory):
     folder = tmp_path_factory.mktemp("captures")
     rows = ["file,distance_m"]
-    for number, view in enumerate(VIEWS):
+    for number, view in enumerate(VIEWS[1:]):
         iio.imwrite(folder / f"{number}.png", np.round(65535 * shot(view, number).image).astype(np.uint16))
         rows.append(f"{number}.png,{view[0]}")
     (folder / "captures.csv").write_text("\n".join(rows))
@@ -181,7 +181,7 @@ def captures(tmp_path_factory):
 def test_frames_and_a_reference_become_a_table(captures, reference, run, tmp_path):
     output = tmp_path / "table.zarr.zip"
     words = ["calibrate", captures, "--target", "pattern", "--reference", reference, "--pixel-pitch", "6 um"]
-    assert run(*words, "-o", output) == 0
+    assert run(*words, "--size", SIZE, "-o", output) == 0
     table = read_table(output)
     errors = [np.abs(plane - truth(z)).sum() for z, plane in zip(table.axis, table.psf, strict=True)]
     assert np.mean(errors) < 0.08

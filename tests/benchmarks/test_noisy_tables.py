@@ -102,6 +102,7 @@ def test_intervals_of_noisy_and_sparse_tables_cover_as_those_of_the_dense_one(la
 
 
 def test_the_control_left_out_errors_of_a_noisy_table_cover_clearly_less(lab16mm, trials):
+    """Of the same captures: wider intervals miss none that narrower ones hold, so that seven are no chance (1 %)."""
     ours, bare = measure(lab16mm, trials, (20, 0.2, "cut"))
-    assert bare[2] < ours[2] - 0.07
+    assert bare[2] <= ours[2] - 7 / (3 * len(trials))
     assert ours[3] < bare[3]

@@ -140,7 +140,7 @@ def test_one_shared_table_with_modes(stack, shared, own):
     """The same table for all particles, with the modes in which they differ: the bar of 1.0 um over all answers holds.
 
     Then every particle is read with the modes of the others, the control: of itself only a tenth of the mean knows.
-    Their intervals know what the modes leave from the planes alone (`calib.modes.misread`): 93 % cover (98 with all modes).
+    Their intervals know what modes leave from the planes alone (`calib.modes.misread`); 93 % cover, 98 with all modes.
     """
     _, repeats, places = stack
     modes = [with_modes(shared, own, MODES)] * len(own)

@@ -78,7 +78,8 @@ def fit(edges: Sequence[Sampled], table: PSFTable, imager: Imager, noise: Noise,
     than its interval says.
 
     On 41 readings of a real camera (`test_focus_sweep`) 95 % intervals covered 73 % with the squares scaled by their
-    misfit, 85 % with the table's errors besides, and 95 % as here; whole edges as parts cover all, five times as wide.
+    misfit and cover 95 % as here. These readings were looked at for the choice: with whole edges, or 4 or 8 parts an
+    edge, with and without the mean of an edge, 93 to 100 % were covered, so that they do not judge it independently.
 
     Parameters
     ----------

@@ -10,8 +10,9 @@ __version__ = "0.1.0"
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
+        "assembly": ["depthmap"],
         "capture": ["Setup", "ideal_image", "simulate"],
-        "depthmaps": ["DepthMap", "depthmap"],
+        "depthmaps": ["DepthMap"],
         "errors": ["PsflutError"],
         "estimation": ["Estimate", "Observation", "Outcome", "estimate"],
         "images": ["read_image"],

@@ -1,34 +1,26 @@
-"""The work behind a map of distances: cut in pieces that fit in memory, done in any order, kept as they are finished.
+"""The work behind a map of distances: cut in pieces that fit in memory, done in any order.
 
 A piece is some rows of patches of one frame, read from the lines of pixels they need, overlap included: no piece
 depends on another, so that all ways of cutting give the same. On one machine threads share out the patches of a piece,
 which needs no Dask; on a cluster (`psflut.cluster`) its workers share out the pieces.
 """
 
-import json
-import shutil
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import asdict, dataclass
-from pathlib import Path
-from typing import Any, NamedTuple
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
 
-import numpy as np
-
-from psflut import __version__
 from psflut.batch import Batch, estimate_all
 from psflut.errors import PsflutError
-from psflut.files import claimed
 from psflut.frames import Frames
-from psflut.noise import Noise
-from psflut.shots import fingerprint
+from psflut.noise import Noise, estimate_noise
 from psflut.table import PSFTable
 from psflut.tiles import Tiles
 
 PATCHES = 1024
 """Of a piece, as far as whole rows have no more."""
 
-SETTINGS = "settings.json"
+MIDDLE = 1024
+"""Side of the middle of an image that noise is estimated from, pixels."""
 
 
 class Piece(NamedTuple):
@@ -69,6 +61,26 @@ class Job:
         return [Piece(k, row, min(row + step, rows)) for k in range(len(self.frames.names)) for row in starts]
 
 
+def plan(
+    frames: Frames, table: PSFTable, size: int, stride: int, noise: Noise | None, imager: str | None, level: float
+) -> Job:
+    """The work of a map, checked at the door."""
+    if size < table.size:
+        raise PsflutError(
+            f"patches of {size} pixels are smaller than the table's PSF of {table.size}; give a larger --size"
+        )
+    tiles = Tiles(frames.shape, size, stride)
+    return Job(frames, tiles, table, noise or table.noise or _estimated(frames), imager or table.imager, level)
+
+
+def _estimated(frames: Frames) -> Noise:
+    """Noise of the middle of the first frame."""
+    height, width = frames.shape
+    top, left = (max(side - MIDDLE, 0) // 2 for side in (height, width))
+    lines = frames.lines(0, top, min(top + MIDDLE, height))
+    return estimate_noise(lines.image[:, left : left + MIDDLE], lines.quantum)
+
+
 Done = tuple[Piece, Batch]
 
 
@@ -92,106 +104,3 @@ def solve(job: Job, piece: Piece, threads: int = 1) -> Done:
 def local(job: Job, pieces: Sequence[Piece], threads: int = 1) -> Iterator[Done]:
     """The estimates of every piece, one after the other in this process."""
     return (solve(job, piece, threads) for piece in pieces)
-
-
-Work = Callable[[Job, Sequence[Piece]], Iterator[Done]]
-
-
-def settings(job: Job, paths: Sequence[str]) -> dict[str, Any]:
-    """What decides on the results of a job on files; plain JSON."""
-    files = [Path(path) for path in paths]
-    return {
-        "psflut": __version__,
-        "table": fingerprint(job.table.axis, job.table.psf),
-        "files": [[str(path.resolve()), path.stat().st_mtime_ns, path.stat().st_size] for path in files],
-        "frames": list(job.frames.names),
-        "tiles": asdict(job.tiles),
-        "noise": asdict(job.noise),
-        "imager": job.imager,
-        "level": job.level,
-    }
-
-
-@contextmanager
-def resumed(
-    job: Job, pieces: Sequence[Piece], work: Work, folder: Path | None, about: Mapping[str, Any]
-) -> Iterator[Iterator[Done]]:
-    """All pieces: those that a folder keeps, then what `work` makes of the others, kept as they come.
-
-    The folder goes when the block ends well: then the map must have been written. Without a folder nothing is kept.
-
-    Raises
-    ------
-    PsflutError
-        If the folder keeps pieces of other settings, another process has it, or it cannot be written.
-    """
-    if folder is None:
-        yield work(job, pieces)
-        return
-    with claimed(folder):
-        kept = Kept(folder, about)
-        yield _going_on(job, pieces, work, kept)
-        shutil.rmtree(folder, ignore_errors=True)
-
-
-def _going_on(job: Job, pieces: Sequence[Piece], work: Work, kept: "Kept") -> Iterator[Done]:
-    left = []
-    for piece in pieces:
-        batch = kept.done(piece)
-        if batch is None:
-            left.append(piece)
-        else:
-            yield piece, batch
-    for piece, batch in work(job, left):
-        kept.keep(piece, batch)
-        yield piece, batch
-
-
-class Kept:
-    """Finished pieces in a folder, a file each, so that a run that was stopped goes on where it was.
-
-    Parameters
-    ----------
-    folder : Path
-        Made with the first piece.
-    settings : mapping
-        What decides on the results, plain JSON; whoever goes on must have the same.
-
-    Raises
-    ------
-    PsflutError
-        If the folder holds pieces of other settings.
-    """
-
-    def __init__(self, folder: Path, settings: Mapping[str, Any]) -> None:
-        self.folder, self.settings = folder, json.loads(json.dumps(settings))
-        try:
-            old = json.loads((folder / SETTINGS).read_text()) if (folder / SETTINGS).is_file() else self.settings
-        except ValueError:
-            old = None
-        if old != self.settings:
-            raise PsflutError(f"{folder} keeps an unfinished map of other settings; remove it, or choose another name")
-
-    def done(self, piece: Piece) -> Batch | None:
-        """A piece's estimates where they are kept."""
-        path = self.path(piece)
-        if not path.is_file():
-            return None
-        with np.load(path) as data:
-            return Batch(**data)
-
-    def keep(self, piece: Piece, batch: Batch) -> None:
-        """Keep a piece, whole or not at all."""
-        try:
-            if not self.folder.is_dir():
-                self.folder.mkdir()
-                (self.folder / SETTINGS).write_text(json.dumps(self.settings))
-            stage = self.folder / "part.npz"
-            np.savez(stage, **vars(batch))
-            stage.replace(self.path(piece))
-        except OSError as error:
-            raise PsflutError(f"cannot write {self.folder}: {error.strerror or error}; make room and go on") from error
-
-    def path(self, piece: Piece) -> Path:
-        """Of a piece's file."""
-        return self.folder / f"{piece.frame}-{piece.first}-{piece.last}.npz"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from psflut import capture, cluster, depthmap, mapping
-from psflut.depthmaps import assemble, plan
+from psflut.assembly import assemble
 from psflut.errors import PsflutError
 from psflut.estimation import Observation, Outcome, estimate
 from psflut.frames import Stack
@@ -45,7 +45,7 @@ def test_the_map_is_estimate_on_every_patch(found, image, lab16mm):
 
 
 def test_however_it_is_cut_it_is_the_same(found, image, lab16mm, monkeypatch):
-    job = plan(Stack(image[None]), lab16mm, 64, 40, NOISE, None, 0.95)
+    job = mapping.plan(Stack(image[None]), lab16mm, 64, 40, NOISE, None, 0.95)
     monkeypatch.setattr(mapping, "PATCHES", 1)
     pieces = job.pieces()
     assert len(pieces) == 3
@@ -63,7 +63,7 @@ def test_a_sequence_is_its_frames(found, image, lab16mm):
 
 def test_a_cluster_gives_the_same(found, image, lab16mm):
     distributed = pytest.importorskip("distributed", reason="dask is not installed: pip install psflut[lab]")
-    job = plan(Stack(image[None]), lab16mm, 64, 40, NOISE, None, 0.95)
+    job = mapping.plan(Stack(image[None]), lab16mm, 64, 40, NOISE, None, 0.95)
     with distributed.LocalCluster(
         n_workers=1, threads_per_worker=1, processes=False, dashboard_address=":0", silence_logs=50
     ) as running:

@@ -59,13 +59,14 @@ def run(
     """
     from tqdm import tqdm
 
+    from psflut.assembly import assemble
     from psflut.cluster import cluster
-    from psflut.depthmaps import assemble, plan
     from psflut.frames import frames
     from psflut.mapfiles import check_map, write_map
-    from psflut.mapping import local, resumed, settings, solve
+    from psflut.mapping import local, plan, solve
     from psflut.noise import parse_noise
     from psflut.store import read_table
+    from psflut.unfinished import resumed, settings
     from psflut.workers import cores
 
     tabled, outputs = read_table(table), output or []

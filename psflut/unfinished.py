@@ -1,0 +1,122 @@
+"""Pieces of a map that are finished, kept on disk until all are: a run that was stopped goes on where it was."""
+
+import json
+import shutil
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from psflut import __version__
+from psflut.batch import Batch
+from psflut.errors import PsflutError
+from psflut.files import claimed
+from psflut.mapping import Done, Job, Piece
+from psflut.shots import fingerprint
+
+SETTINGS = "settings.json"
+
+Work = Callable[[Job, Sequence[Piece]], Iterator[Done]]
+
+
+def settings(job: Job, paths: Sequence[str]) -> dict[str, Any]:
+    """What decides on the results of a job on files; plain JSON."""
+    files = [Path(path) for path in paths]
+    return {
+        "psflut": __version__,
+        "table": fingerprint(job.table.axis, job.table.psf),
+        "files": [[str(path.resolve()), path.stat().st_mtime_ns, path.stat().st_size] for path in files],
+        "frames": list(job.frames.names),
+        "tiles": asdict(job.tiles),
+        "noise": asdict(job.noise),
+        "imager": job.imager,
+        "level": job.level,
+    }
+
+
+@contextmanager
+def resumed(
+    job: Job, pieces: Sequence[Piece], work: Work, folder: Path | None, about: Mapping[str, Any]
+) -> Iterator[Iterator[Done]]:
+    """All pieces: those that a folder keeps, then what `work` makes of the others, kept as they come.
+
+    The folder goes when the block ends well: then the map must have been written. Without a folder nothing is kept.
+
+    Raises
+    ------
+    PsflutError
+        If the folder keeps pieces of other settings, another process has it, or it cannot be written.
+    """
+    if folder is None:
+        yield work(job, pieces)
+        return
+    with claimed(folder):
+        kept = Kept(folder, about)
+        yield _going_on(job, pieces, work, kept)
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _going_on(job: Job, pieces: Sequence[Piece], work: Work, kept: "Kept") -> Iterator[Done]:
+    left = []
+    for piece in pieces:
+        batch = kept.done(piece)
+        if batch is None:
+            left.append(piece)
+        else:
+            yield piece, batch
+    for piece, batch in work(job, left):
+        kept.keep(piece, batch)
+        yield piece, batch
+
+
+class Kept:
+    """Finished pieces in a folder, a file each, so that a run that was stopped goes on where it was.
+
+    Parameters
+    ----------
+    folder : Path
+        Made with the first piece.
+    settings : mapping
+        What decides on the results, plain JSON; whoever goes on must have the same.
+
+    Raises
+    ------
+    PsflutError
+        If the folder holds pieces of other settings.
+    """
+
+    def __init__(self, folder: Path, settings: Mapping[str, Any]) -> None:
+        self.folder, self.settings = folder, json.loads(json.dumps(settings))
+        try:
+            old = json.loads((folder / SETTINGS).read_text()) if (folder / SETTINGS).is_file() else self.settings
+        except ValueError:
+            old = None
+        if old != self.settings:
+            raise PsflutError(f"{folder} keeps an unfinished map of other settings; remove it, or choose another name")
+
+    def done(self, piece: Piece) -> Batch | None:
+        """A piece's estimates where they are kept."""
+        path = self.path(piece)
+        if not path.is_file():
+            return None
+        with np.load(path) as data:
+            return Batch(**data)
+
+    def keep(self, piece: Piece, batch: Batch) -> None:
+        """Keep a piece, whole or not at all."""
+        try:
+            if not self.folder.is_dir():
+                self.folder.mkdir()
+                (self.folder / SETTINGS).write_text(json.dumps(self.settings))
+            stage = self.folder / "part.npz"
+            np.savez(stage, **vars(batch))
+            stage.replace(self.path(piece))
+        except OSError as error:
+            raise PsflutError(f"cannot write {self.folder}: {error.strerror or error}; make room and go on") from error
+
+    def path(self, piece: Piece) -> Path:
+        """Of a piece's file."""
+        return self.folder / f"{piece.frame}-{piece.first}-{piece.last}.npz"

@@ -15,7 +15,8 @@ from psflut.units import format_length
 Floats = NDArray[np.float64]
 
 SURE = 0.5
-"""A patch is uncertain where its outcome is not OK, or its wide interval more than this share of its distance."""
+"""A patch is uncertain where its outcome is not OK, or its wide interval more than this share of its distance; on a
+stage axis, of the table's span."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +61,8 @@ class DepthMap:
     def sure(self) -> NDArray[np.bool_]:
         """Where the outcome is OK and the wide interval narrow enough to go by (`SURE`)."""
         width = np.ptp(self.wide, axis=-1)
-        return np.asarray((self.outcome == 0) & (width <= SURE * np.abs(self.distance)))
+        scale = self.distance if self.about["axis"] == "distance" else np.ptp(self.about["span_m"])
+        return np.asarray((self.outcome == 0) & (width <= SURE * scale))
 
     def frame(self, number: int) -> "DepthMap":
         """One frame of a sequence."""

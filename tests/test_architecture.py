@@ -11,7 +11,7 @@ ROOT = Path(__file__).parent.parent
 
 FLOORS = [  # from the roof to the cellar; a module imports from lower floors only
     {"psflut.cli"},
-    {"psflut.cli.shots"},
+    {"psflut.cli.shots", "psflut.cli.patchmaps"},
     {"psflut.cli.console", "psflut.cli.options", "psflut.cli.patches"},
     {"psflut.demo", "psflut.gallery", "psflut.reporting", "calib.textures"},
     {"psflut.mapfiles", "psflut.assembly"},

@@ -135,6 +135,8 @@ def test_what_cannot_be_mapped_is_refused(image, lab16mm, change, words):
 def test_a_map_shows_itself(found, image):
     assert "median" in found._repr_html_()
     figure = replace(found, smooth=found.distance).figure(image)
-    assert [axis.get_title() for axis in figure.axes[:2]] == ["scene", "distance, smoothed"]
+    scene, there = (axis.get_title() for axis in figure.axes[:2])
+    assert scene == "scene"
+    assert there.startswith("distance, smoothed (grey: uncertain, ")
     data = found.to_xarray()
     assert (data.distance.attrs["units"], data.distance.dims) == ("m", ("y", "x"))

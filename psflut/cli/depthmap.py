@@ -1,21 +1,17 @@
 """`psflut depthmap`: distances of all patches of an image, or of a sequence."""
 
-import json
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
 from psflut import family
 from psflut.cli import console
 from psflut.cli.options import Gamma, ImagerOption, Json, NoiseOption, Overwrite, Srgb, TableOption
+from psflut.cli.patchmaps import say
 from psflut.errors import PsflutError
-
-if TYPE_CHECKING:
-    from psflut.depthmaps import DepthMap
-    from psflut.mapping import Job
 
 
 def run(
@@ -100,7 +96,7 @@ def run(
     if noise is None and tabled.noise is None:
         console.say(f"noise {job.noise.read:.3g} is estimated from {images[0]}; pass --noise where it is known")
     console.say_what_wins(tabled, noise, imager)
-    _say(job, found, as_json)
+    say(sequence.names, found, as_json)
     for path in outputs:
         console.say(f"the map is in {path}")
 
@@ -113,57 +109,3 @@ def _check_pitch(text: str | None, pitch: float) -> None:
             f"the images have pixels of {format_length(parse_length(text))}, the table of {format_length(pitch)}; "
             "give the table of their camera"
         )
-
-
-def _say(job: "Job", found: "DepthMap", as_json: bool) -> None:
-    """JSON of every patch; or for a person a row a frame, and what the outcomes mean."""
-    from psflut.batch import OUTCOMES
-
-    rows: list[tuple[str, ...]] = [("image", "patches", "sure", "5 %", "median", "95 %", "outcomes")]
-    for number, name in enumerate(job.frames.names):
-        one = found.frame(number)
-        if as_json:
-            for record in _records(name, one):
-                print(json.dumps(record))
-            continue
-        quantiles = (f"{z:.3f} m" for z in _quantiles(one))
-        outcomes = ", ".join(f"{count} {outcome}" for outcome, count in one.counts().items() if count)
-        rows.append((name, " x ".join(map(str, one.distance.shape)), f"{one.sure.mean():.0%}", *quantiles, outcomes))
-    if not as_json:
-        console.print_rows(rows)
-        for outcome in OUTCOMES:
-            if outcome.value and found.counts()[outcome.name.lower()]:
-                console.say(f"{outcome.name.lower()}: {outcome.value}")
-
-
-def _quantiles(found: "DepthMap") -> list[float]:
-    """Of the sure patches' distances, of all where none is sure."""
-    import numpy as np
-
-    distance = found.distance[found.sure] if found.sure.any() else found.distance
-    return [float(z) for z in np.quantile(distance, [0.05, 0.5, 0.95])]
-
-
-def _records(name: str, found: "DepthMap") -> list[dict[str, Any]]:
-    """The JSON objects of a frame's patches: y, x of the centre in pixels, lengths in metres; null for no misfit."""
-    import numpy as np
-
-    from psflut.batch import OUTCOMES
-
-    records = []
-    for row, column in np.ndindex(found.distance.shape):
-        at, misfit = (row, column), float(found.misfit[row, column])
-        record = {
-            "image": name,
-            "y": float(found.y[row]),
-            "x": float(found.x[column]),
-            "distance_m": float(found.distance[at]),
-            "interval_m": found.interval[at].tolist(),
-            "wide_m": found.wide[at].tolist(),
-            "level": found.about["level"],
-            "outcome": OUTCOMES[found.outcome[at]].name.lower(),
-            "misfit": misfit if np.isfinite(misfit) else None,
-        }
-        smooth = {} if found.smooth is None else {"smooth_m": float(found.smooth[at])}
-        records.append(record | smooth)
-    return records

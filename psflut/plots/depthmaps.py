@@ -1,13 +1,14 @@
 """Figures of maps of distance: the map beside its scene, how errors grow with the share of patches that is kept."""
 
 from collections.abc import Mapping
+from textwrap import fill
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch, Rectangle
+from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
 from psflut.plots.look import COLOURS, INK, TRUTH, Plot, styled
@@ -38,7 +39,7 @@ def depthmap(
     height, width = about["image_shape"]
     panels = 1 if image is None else 2
     side = 4.2 if width >= height else 4.2 * width / height
-    figure = Plot(figsize=(side * panels + 1.0, side * height / width + 0.7), layout="constrained")
+    figure = Plot(figsize=(side * panels + 1.0, side * height / width + 0.6), layout="constrained")
     axes = figure.subplots(1, panels, squeeze=False, sharex=True, sharey=True)[0]
     if image is not None:
         step = max(1, -(-max(image.shape) // MOST))
@@ -47,12 +48,11 @@ def depthmap(
         axes[0].imshow(shown, vmin=low, vmax=max(high, low + 1e-9), extent=(-0.5, width - 0.5, height - 0.5, -0.5))
         axes[0].set_title("scene")
     _map(figure, axes[-1], np.ma.array(metres, mask=~sure), about)
-    axes[-1].set_title(title or "distance")
+    words = f"{title or 'distance'} (grey: uncertain, {1 - sure.mean():.0%} of the patches)"
+    axes[-1].set_title(fill(words, max(18, int(14 * side))))
     for axis in axes:
         axis.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), xlabel="column (pixel)")
     axes[0].set_ylabel("row (pixel)")
-    label = f"uncertain ({1 - sure.mean():.0%} of the patches)"
-    figure.legend(handles=[Patch(color=GREY, label=label)], loc="outside lower right")
     return figure
 
 

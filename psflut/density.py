@@ -12,8 +12,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import fft
-from scipy.interpolate import CubicSpline
-from scipy.signal import find_peaks
 
 Floats = NDArray[np.float64]
 
@@ -53,6 +51,14 @@ class Density:
     log_density: Floats
     position: Callable[[ArrayLike], Floats]
 
+    @classmethod
+    def tabled(cls, nodes: Floats, values: Floats, position: Callable[[ArrayLike], Floats]) -> "Density":
+        """The density with those values (FINE,) at a grid's nodes, between which nothing is left to work out."""
+        values = values / values.max()
+        density = cls(nodes, np.log(np.maximum(values, FAINT)), position)
+        vars(density).update(nodes=nodes, values=values)
+        return density
+
     @cached_property
     def nodes(self) -> Floats:
         """(FINE,) ascending nodes in the even coordinate."""
@@ -61,8 +67,10 @@ class Density:
     @cached_property
     def values(self) -> Floats:
         """(FINE,) density at `nodes`, its largest value 1."""
-        order = np.argsort(self.even)
-        log = CubicSpline(self.even[order], self.log_density[order])(self.nodes)
+        from psflut import curves
+
+        order, log = np.argsort(self.even), np.empty(FINE)
+        curves.spline(self.even[order], self.log_density[order], log)
         return np.asarray(np.exp(log - log.max()))
 
     @property
@@ -80,8 +88,8 @@ class Density:
         """The density of a coordinate that is this one plus a normal error, mirrored at the ends of the grid.
 
         The error's standard deviation, ``spread(even)``, may vary along the axis: each part of the density is
-        convolved with the two nearest of `WIDTHS` kernels, mixed so that its variance is exact. An error below the
-        step of the fine grid changes nothing.
+        convolved with the two nearest of `WIDTHS` kernels, mixed so that its variance is exact. An error below the step
+        of the fine grid changes nothing.
 
         Parameters
         ----------
@@ -97,13 +105,7 @@ class Density:
         waves = np.pi * np.arange(FINE) / (FINE * step)  # of the cosines, which mirror at the ends
         kernels = np.exp(-0.5 * (waves * widths[:, None]) ** 2)
         total = fft.idct(np.sum(kernels * fft.dct(shares * self.values), axis=0))
-        return Density(self.nodes, np.log(np.maximum(total, FAINT)), self.position)
-
-    def mixed(self, other: "Density", share: float) -> "Density":
-        """The density of a coordinate that follows another density, on the same grid, with that probability."""
-        own, others = (each.values / each.values.sum() for each in (self, other))
-        total = (1 - share) * own + share * others
-        return Density(self.nodes, np.log(np.maximum(total / total.max(), FAINT)), self.position)
+        return Density.tabled(self.nodes, np.maximum(total, 0.0), self.position)
 
     @property
     def mean(self) -> float:
@@ -125,11 +127,9 @@ class Density:
     @cached_property
     def borders(self) -> Floats:
         """Even coordinates where one mode ends and the next begins, ascending, with both ends of the grid."""
-        padded = np.pad(self.values, 1)
-        peaks, found = find_peaks(padded, height=LOWEST_PEAK, prominence=0, plateau_size=1)
-        own = peaks[found["prominences"] >= (1 - VALLEY) * found["peak_heights"]] - 1
-        cuts = [a + int(np.argmin(self.values[a:b])) for a, b in zip(own[:-1], own[1:], strict=True)]
-        return self.nodes[[0, *cuts, -1]]
+        from psflut import curves
+
+        return np.asarray(self.nodes[curves.borders(self.values, LOWEST_PEAK, VALLEY)])
 
     def modes(self) -> tuple[Mode, ...]:
         """The modes, heaviest first."""

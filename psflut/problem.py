@@ -1,7 +1,7 @@
 """What an estimator is asked: an observation as it comes, and the problem that it is behind the door."""
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,11 +95,17 @@ class Problem:
         Noise of known power has, over all annuli, sum n_k (P_k / N_k - 1) of mean zero and variance sum n_k.
         """
         rings = annuli(self.shape)
-        response = rings.mean(self.imager.transfer(self.shape) ** 2)
-        excess = rings.effective * (self.power / self.noise.power(response, self.mean_level) - 1)
+        floor = self.noise.power(_response(self.imager, self.shape), self.mean_level)
+        excess = rings.effective * (self.power / floor - 1)
         return bool(excess.sum() < TEXTURE_SIGMAS * np.sqrt(rings.effective.sum()))
 
     @property
     def is_saturated(self) -> bool:
         """Whether too many pixels are at exactly full scale."""
         return bool(np.mean(self.image == 1.0) >= SATURATED_SHARE)
+
+
+@lru_cache(maxsize=8)
+def _response(imager: Imager, shape: tuple[int, int]) -> Floats:
+    """(K,) |L|^2 by annulus."""
+    return annuli(shape).mean(imager.transfer(shape) ** 2)

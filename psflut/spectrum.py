@@ -125,9 +125,9 @@ def annuli(shape: tuple[int, int]) -> Annuli:
 
 
 def annular_power(image: NDArray[np.floating]) -> Floats:
-    """Mean power of a patch in each annulus: (H, W) -> (K,), image units squared."""
-    rings = annuli((image.shape[0], image.shape[1]))
+    """Mean power of patches in each annulus: (..., H, W) -> (..., K), image units squared."""
+    rings = annuli((image.shape[-2], image.shape[-1]))
     taper = rings.taper.astype(image.dtype) if image.dtype == np.float32 else rings.taper
-    mean = np.sum(rings.taper * image) / np.sum(rings.taper)
+    mean = np.sum(rings.taper * image, axis=(-2, -1), keepdims=True) / np.sum(rings.taper)
     spectrum = fft.rfft2(taper * (image - mean))
     return rings.mean((spectrum.real**2 + spectrum.imag**2) / np.sum(rings.taper**2))

@@ -51,6 +51,7 @@ FLOORS = [  # from the roof to the cellar; a module imports from lower floors on
     {"psflut.laplace"},
     {"psflut.newton"},
     {"psflut.evidence", "psflut.restore", "psflut.focus", "psflut.density", "psflut.lines", "psflut.covariance"},
+    {"psflut.curves"},
     {"psflut.texture", "psflut.spectrum"},
     {"psflut.summary", "psflut.capture", "psflut.store"},
     {"psflut.layout"},
@@ -67,7 +68,7 @@ FLOORS = [  # from the roof to the cellar; a module imports from lower floors on
 DOORS = {
     "zarr": {"psflut.store", "psflut.results", "psflut.frames", "psflut.mapfiles"},
     "emcee": {"psflut.chain"},
-    "numba": {"psflut.newton"},
+    "numba": {"psflut.curves", "psflut.newton"},
     "matplotlib": {"psflut.plots"},
     "jinja2": {"psflut.reporting"},
 }

@@ -44,7 +44,7 @@ class Planes:
             return make()
         file = self.folder / f"{_sha256(about)}.npz"
         try:
-            with np.load(file, allow_pickle=False) as found:
+            with file.open("rb") as data, np.load(data, allow_pickle=False) as found:
                 return dict(found)
         except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):  # not there, or damaged
             arrays = make()

@@ -1,57 +1,184 @@
-"""What a patch costs, on one core: patches of 128 pixels against 100 distances, in batches.
+"""What things cost, as ratios to a reference timed in the same run, on one core.
 
     python -m pytest -m benchmark tests/benchmarks/test_speed.py -s
 
-The bar is 2 ms a patch where a transform of 128 x 128 single precision pixels takes 0.04 ms: 50 transforms.
+Times are the least of several runs in processor time, which others on the machine disturb least.
 """
 
 import time
+import tracemalloc
 
 import numpy as np
 import pytest
-from scipy import fft
+from scipy import fft, ndimage
+from scipy.signal import fftconvolve
+from skimage import restoration
 
-from psflut import evidence, texture
+from psflut import chain, evidence, restore, texture
+from psflut.batch import estimate_all
 from psflut.candidates import solve_all
 from psflut.capture import capture, psf_of
+from psflut.estimators.posterior import Posterior
+from psflut.grid import grid
 from psflut.imagers.plain import Plain
 from psflut.noise import Noise
+from psflut.problem import Problem
 from psflut.spectrum import annular_power
 
 pytestmark = pytest.mark.benchmark
-NOISE, PATCHES, BATCH, ROUNDS, BAR = Noise(0.005), 128, 16, 7, 50
+NOISE, PATCHES, BATCH, ROUNDS = Noise(0.005), 128, 16, 7
 
 
-def seconds(work):
+def seconds(work, clock=time.process_time, rounds=ROUNDS):
     """The least of several runs: what the machine can do where nobody else asks for it."""
     times = []
-    for _ in range(ROUNDS):
-        start = time.perf_counter()
+    for _ in range(rounds):
+        start = clock()
         work()
-        times.append(time.perf_counter() - start)
+        times.append(clock() - start)
     return min(times)
 
 
-@pytest.mark.xfail(
-    reason="3 to 4 ms: 250 Newton steps of 12 us, half of it solving and multiplying 10 x 10", strict=False
-)
-def test_a_patch_of_128_pixels_against_100_distances(lab16mm, lab_patch):
+def peak(work):
+    """Memory that numpy takes on, MB."""
+    tracemalloc.start()
+    work()
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    return most / 1e6
+
+
+def transforms(images):
+    return lambda: [fft.rfft2(image) for image in images.astype(np.float32)]
+
+
+@pytest.fixture(scope="module")
+def blurred(scene):
+    """A photograph of 256 x 256 seen through a disc of 17 x 17 pixels, single precision."""
+    y, x = np.mgrid[:17, :17] - 8
+    disc = (y**2 + x**2 <= 49).astype(np.float32)
+    disc /= disc.sum()
+    return ndimage.convolve(scene.astype(np.float32), disc, mode="reflect").clip(1e-3), disc
+
+
+def test_a_patch_of_128_pixels_against_the_whole_table(lab16mm, lab_patch):
+    """The bar: 50 transforms; 2 ms where one takes 0.04."""
     rng = np.random.default_rng(0)
     distances = rng.uniform(0.9, 4.5, PATCHES)
-    shots = [capture(lab_patch, psf_of(lab16mm, z), NOISE, rng, imager=Plain()) for z in distances]
+    shots = np.stack([capture(lab_patch, psf_of(lab16mm, z), NOISE, rng, imager=Plain()) for z in distances])
     bank = evidence.bank(lab16mm, (128, 128), Plain(), texture.learnt(), 200)
     noise = np.tile(evidence.noise_power(bank, NOISE, 0.5), (PATCHES, 1))
-    single = np.asarray(shots, dtype=np.float32)
-
-    def transforms():
-        for image in single:
-            fft.rfft2(image)
 
     def batches():
         for first in range(0, PATCHES, BATCH):
             some = slice(first, first + BATCH)
-            solve_all(np.stack([annular_power(shot) for shot in shots[some]]), noise[some], bank)
+            solve_all(annular_power(shots[some]), noise[some], bank)
 
-    reference, ours = seconds(transforms) / PATCHES, seconds(batches) / PATCHES
+    batches()
+    reference, ours = seconds(transforms(shots)) / PATCHES, seconds(batches) / PATCHES
     print(f"\n{1e3 * ours:.2f} ms a patch, {1e3 * reference:.3f} ms a transform: {ours / reference:.0f} transforms")
-    assert ours < BAR * reference
+    assert ours < 50 * reference
+
+
+def test_frames_of_266_patches(lab16mm, scene):
+    """640 x 480 pixels in patches of 64 every 32: the bar, 10 frames a second, is 0.75 ms of a core for a patch."""
+    rng = np.random.default_rng(0)
+    shots = [capture(scene, psf_of(lab16mm, z), NOISE, rng, imager=Plain()) for z in rng.uniform(0.9, 4.5, 19)]
+    places = rng.integers(0, 192, (19, 14, 2))
+    patches = np.stack([shot[y : y + 64, x : x + 64] for shot, own in zip(shots, places, strict=True) for y, x in own])
+
+    def work(some=patches, threads=1):
+        return estimate_all(some, lab16mm, NOISE, candidates=64, threads=threads)
+
+    work()
+    reference, ours = seconds(transforms(patches)), seconds(work, rounds=3)
+    half, wall = seconds(lambda: work(patches[::2]), rounds=3), seconds(lambda: work(threads=2), time.perf_counter, 3)
+    print(
+        f"\n{1e3 * ours / 266:.2f} ms of a core a patch, {ours / reference:.0f} transforms; {1 / wall:.1f} frames a "
+        f"second by two threads; twice the patches cost {ours / half:.2f} times as much; {peak(work):.0f} MB"
+    )
+    assert ours < 2.8 * half  # linear but for the noise of timing on a busy machine
+
+
+def test_the_posterior(lab16mm, lab_patch):
+    """The bar is 2 s; a plain run asks for the same points one at a time, by the default move."""
+    import emcee
+
+    problem = Problem(lab_patch, lab16mm, Plain(), NOISE, "given", 0.95)
+    own = Posterior()
+    found = grid(problem, own.candidates)
+    steps = len(chain.sample(found, own.steps, own.walkers, own.seed).points)
+    start, log = chain._start(found, own.walkers, False, np.random.default_rng(0)), chain.log_probability(found, False)
+
+    def plain():
+        sampler = emcee.EnsembleSampler(*start.shape, lambda point: log(point[None])[0])
+        sampler.run_mcmc(start, steps)
+
+    ours, theirs = seconds(lambda: own.solve(problem), rounds=3), seconds(plain, rounds=1)
+    print(f"\n{ours:.2f} s with {steps} steps; a plain run of as many {theirs / ours:.1f} times as long")
+    assert ours < theirs
+
+
+def test_richardson_lucy(blurred):
+    image, disc = blurred
+    flat = np.full_like(image, 0.5)
+    ours = restore.richardson_lucy(image, disc, 20, start=flat, acceleration=False)
+    theirs = restoration.richardson_lucy(image, disc, num_iter=20, clip=False)
+    inside = slice(51, -51)
+    off = np.abs(ours[inside, inside] / theirs[inside, inside] - 1)
+
+    def own():
+        restore.richardson_lucy(image, disc, 20, start=flat, acceleration=False)
+
+    def skimage():
+        restoration.richardson_lucy(image, disc, num_iter=20, clip=False)
+
+    ratio = seconds(skimage) / seconds(own)
+    print(
+        f"\n{ratio:.2f} times as fast as scikit-image; differs by {np.median(off):.1e}, at most {off.max():.1e}; "
+        f"{peak(own):.1f} and {peak(skimage):.1f} MB"
+    )
+    assert np.median(off) < 1e-3
+
+
+def test_blind_richardson_lucy(blurred):
+    """Against image and PSF by turns, each a step of scikit-image's."""
+    image, disc = blurred
+
+    def plain():
+        scene, spot = image, disc
+        for _ in range(20):
+            ratio = image / np.maximum(convolved(scene, spot), 1e-6)
+            scene, spot = scene * convolved(ratio, spot[::-1, ::-1]), updated(scene, ratio, spot)
+
+    def ours():
+        restore.blind_richardson_lucy(image, disc, 20)
+
+    print(f"\n{seconds(plain, rounds=3) / seconds(ours, rounds=3):.2f} times as fast as a plain one")
+
+
+def convolved(image, kernel):
+    return fftconvolve(image, kernel, mode="same")
+
+
+def updated(scene, ratio, spot):
+    """The step of the PSF: the ratio correlated with the scene, at the lags of the PSF."""
+    whole = fftconvolve(ratio, scene[::-1, ::-1], mode="full")
+    middle, half = np.array(whole.shape) // 2, len(spot) // 2
+    step = spot * whole[middle[0] - half : middle[0] + half + 1, middle[1] - half : middle[1] + half + 1]
+    return step / step.sum()
+
+
+def test_wiener(blurred):
+    image, disc = blurred
+
+    def ours():
+        restore.wiener(image, disc, 0.01)
+
+    def theirs():
+        restoration.wiener(image, disc, 0.01, clip=False)
+
+    print(
+        f"\n{seconds(theirs) / seconds(ours):.2f} times as fast as scikit-image, with mirrored borders; "
+        f"{peak(ours):.1f} and {peak(theirs):.1f} MB"
+    )

@@ -10,7 +10,7 @@ from psflut import __version__
 from psflut.depthmaps import DepthMap
 from psflut.errors import PsflutError
 from psflut.frames import Stack
-from psflut.mapping import Done, Job, local, plan
+from psflut.mapping import Done, Job, plan, solve
 from psflut.noise import Noise
 from psflut.relief import widened
 from psflut.smoothing import smoothed
@@ -58,7 +58,9 @@ def depthmap(
     if array.ndim not in (2, 3):
         raise PsflutError(f"an image is (H, W), a sequence (T, H, W), got the shape {array.shape}; give grey levels")
     job = plan(Stack(array.reshape(-1, *array.shape[-2:])), table, size, stride, noise, imager, level)
-    return assemble(job, local(job, job.pieces(), threads), smooth=smooth, sequence=array.ndim == 3)
+    return assemble(
+        job, (solve(job, piece, threads) for piece in job.pieces()), smooth=smooth, sequence=array.ndim == 3
+    )
 
 
 def assemble(

@@ -1,11 +1,10 @@
 """The work behind a map of distances: cut in pieces that fit in memory, done in any order.
 
 A piece is some rows of patches of one frame, read from the lines of pixels they need, overlap included: no piece
-depends on another, so that all ways of cutting give the same. On one machine threads share out the patches of a piece,
-which needs no Dask; on a cluster (`psflut.cluster`) its workers share out the pieces.
+depends on another, so that all ways of cutting give the same. One process does them, or one on every core
+(`psflut.workers`, which needs no Dask), or a cluster (`psflut.cluster`).
 """
 
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -99,8 +98,3 @@ def solve(job: Job, piece: Piece, threads: int = 1) -> Done:
     except PsflutError as error:
         name = job.frames.names[piece.frame]
         raise PsflutError(str(error) if name in str(error) else f"frame {name}: {error}") from error
-
-
-def local(job: Job, pieces: Sequence[Piece], threads: int = 1) -> Iterator[Done]:
-    """The estimates of every piece, one after the other in this process."""
-    return (solve(job, piece, threads) for piece in pieces)

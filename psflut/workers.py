@@ -1,18 +1,20 @@
-"""Who does the work of a comparison: this process, or one on every core. (A Dask cluster: `psflut.cluster`.)"""
+"""Who does work in pieces: this process, or one on every core. (A Dask cluster: `psflut.cluster`.)"""
 
 import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from typing import Any
 
 from psflut.errors import PsflutError
-from psflut.trial import Bench, Record, Unit, trial
+from psflut.trial import trial
 
-_bench: Bench
-"""In a worker: what its units need."""
+_shared: Any
+_work: Callable[[Any, Any], Any]
+"""In a worker: what its units need, and what is done with each."""
 
 
 def cores() -> int:
@@ -20,8 +22,8 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def local(bench: Bench, units: Sequence[Unit], count: int) -> Iterator[list[Record]]:
-    """The records of every unit, in the order in which they come, by `count` processes of one thread each.
+def local(shared: Any, units: Sequence[Any], count: int, work: Callable[[Any, Any], Any] = trial) -> Iterator[Any]:
+    """What `work` makes of every unit, in the order in which they come, by `count` processes of one thread each.
 
     Raises
     ------
@@ -32,13 +34,13 @@ def local(bench: Bench, units: Sequence[Unit], count: int) -> Iterator[list[Reco
         from threadpoolctl import threadpool_limits
 
         with threadpool_limits(1):  # threads would sum in another order
-            yield from (trial(bench, unit) for unit in units)
+            yield from (work(shared, unit) for unit in units)
         return
     others = set(multiprocessing.active_children())
     context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(min(count, len(units)), context, _begin, (bench,))
+    pool = ProcessPoolExecutor(min(count, len(units)), context, _begin, (shared, work))
     try:
-        for done in as_completed([pool.submit(_work, unit) for unit in units]):
+        for done in as_completed([pool.submit(_one, unit) for unit in units]):
             yield done.result()
     except BrokenProcessPool as error:
         raise PsflutError(
@@ -50,12 +52,12 @@ def local(bench: Bench, units: Sequence[Unit], count: int) -> Iterator[list[Reco
             child.terminate()
 
 
-def _begin(bench: Bench) -> None:
+def _begin(shared: Any, work: Callable[[Any, Any], Any]) -> None:
     """In a new worker: one thread, deaf to Ctrl-C, which is for the parent, and gone when that is."""
     from threadpoolctl import threadpool_limits
 
-    global _bench
-    _bench = bench
+    global _shared, _work
+    _shared, _work = shared, work
     threadpool_limits(1)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
@@ -68,5 +70,5 @@ def _end_with_parent() -> None:
         os._exit(1)
 
 
-def _work(unit: Unit) -> list[Record]:
-    return trial(_bench, unit)
+def _one(unit: Any) -> Any:
+    return _work(_shared, unit)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from psflut import capture, cluster, depthmap, mapping
+from psflut import capture, cluster, depthmap, mapping, workers
 from psflut.assembly import assemble
 from psflut.errors import PsflutError
 from psflut.estimation import Observation, Outcome, estimate
@@ -49,7 +49,7 @@ def test_however_it_is_cut_it_is_the_same(found, image, lab16mm, monkeypatch):
     monkeypatch.setattr(mapping, "PATCHES", 1)
     pieces = job.pieces()
     assert len(pieces) == 3
-    ours = assemble(job, mapping.local(job, pieces[::-1], threads=2), sequence=False)
+    ours = assemble(job, workers.local(job, pieces[::-1], 2, mapping.solve), sequence=False)
     for name in ("distance", "interval", "wide", "outcome", "misfit"):
         np.testing.assert_allclose(getattr(ours, name), getattr(found, name), rtol=1e-9)
 

@@ -13,6 +13,9 @@ from psflut.cli.options import Gamma, ImagerOption, Json, NoiseOption, Overwrite
 from psflut.cli.patchmaps import say
 from psflut.errors import PsflutError
 
+MANY = 8
+"""Pieces for which it pays to start processes: a frame of 640 x 480 pixels is one, 1,000 patches are another."""
+
 
 def run(
     images: Annotated[
@@ -38,7 +41,10 @@ def run(
     level: Annotated[float, typer.Option(min=0, max=1, help="Probability of the intervals.")] = 0.95,
     smooth: Annotated[bool, typer.Option("--smooth", help="Also smooth distances across patches that agree.")] = False,
     rate: Annotated[float | None, typer.Option(help="Frames a second of a sequence, for its time axis.")] = None,
-    threads: Annotated[int | None, typer.Option(min=1, help="Default: one for every core.")] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(min=1, help=f"Processes, of one thread each. Default: one for every core from {MANY} pieces on."),
+    ] = None,
     scheduler: Annotated[
         str | None,
         typer.Option(metavar="ADDRESS", help="Of a running Dask scheduler: its workers do the work (extra: lab)."),
@@ -59,11 +65,11 @@ def run(
     from psflut.cluster import cluster
     from psflut.frames import frames
     from psflut.mapfiles import check_map, write_map
-    from psflut.mapping import local, plan, solve
+    from psflut.mapping import plan, solve
     from psflut.noise import parse_noise
     from psflut.store import read_table
     from psflut.unfinished import resumed, settings
-    from psflut.workers import cores
+    from psflut.workers import cores, local
 
     tabled, outputs = read_table(table), output or []
     family.parse("psflut.imagers", imager or tabled.imager)
@@ -77,8 +83,9 @@ def run(
         check_map(path, overwrite, len(sequence.names))
     middle = sequence.lines(0, 0, min(sequence.shape[0], size)).image
     job = plan(sequence, tabled, size, stride, None if noise is None else parse_noise(noise, middle), imager, level)
-    work = partial(cluster, address=scheduler, work=solve) if scheduler else partial(local, threads=threads or cores())
     pieces = job.pieces()
+    count = workers or (cores() if len(pieces) >= MANY else 1)
+    work = partial(cluster, address=scheduler, work=solve) if scheduler else partial(local, count=count, work=solve)
     kept = outputs[0].with_name(f".{outputs[0].name}.unfinished") if outputs else None
     with ExitStack() as stack:
         done = stack.enter_context(resumed(job, pieces, work, kept, settings(job, images)))

@@ -312,6 +312,7 @@ COMMANDS = (
     ["check", "T", "captures.csv", "--target", "point"],
     ["compare", "--table", "T", "--method", "wiener", "--runs", "1", "-o", "out"],
     ["report", "image.tif", "--table", "T", "-o", "r.html"],
+    ["depthmap", "image.tif", "--table", "T", "--noise", "0.01", "-o", "m.zarr"],
 )
 CASES = [("t.zarr", name) for name in FOLDERS] + [("t.zarr.zip", name) for name in ARCHIVES]
 

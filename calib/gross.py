@@ -3,7 +3,8 @@
 Scenes are not stationary Gaussian fields: their power scatters more than the model's, and intervals come out too
 narrow. Each patch is judged by its own misfit where that is above the usual (`psflut.evidence.discount`); for what
 shows in no misfit, a share of all is taken to err several times as much (`psflut.gross`): that at which 95 % intervals
-of distance cover 95 % on simulated captures of photographs, each with a prior that was learnt without its photograph.
+of distance cover 95 % on simulated captures of photographs, small patches and large ones together, each with a prior
+that was learnt without its photograph.
 """
 
 from collections.abc import Callable, Sequence
@@ -27,20 +28,22 @@ from psflut.texture import TexturePrior
 Floats = NDArray[np.float64]
 
 LEVEL, SHARES = 0.95, (0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.15, 0.2)
-SIDE, NOISE, DISTANCES, CANDIDATES = 128, Noise(0.005), 48, 200
+SIDES, NOISE, DISTANCES, CANDIDATES = (64, 128), Noise(0.005), 48, 200
 
-USUAL = 0.25
-"""Share of captures whose misfit counts as usual. Half gave intervals that cover as well and are worse: score 0.164 in
-place of 0.15 on 576 captures of kodak."""
+USUAL = 0.6
+"""Share of captures whose misfit counts as usual. On a draw of 576 captures of kodak, with the share of gross errors
+with which 95 % intervals cover 95 %: at 0.25, 0.5, 0.6, 0.75 and with no misfit unusual, 68 % intervals cover 74.4,
+73.5, 72.9, 72.7 and 72.3 %, and the score is 0.10, 0.107, 0.109, 0.115 and 0.155. It is judged on another draw
+(`tests/benchmarks/test_honesty.py`)."""
 
-ROUNDS = 2
+ROUNDS = 2 * len(SIDES)
 """How often every photograph is gone through."""
 
 
 class Trials(NamedTuple):
-    """Captured patches of a photograph by their annular powers (n, K), and their distances (n,), metres."""
+    """Captured patches of a photograph (n, side, side), the largest of `SIDES`, and their distances (n,), metres."""
 
-    power: Floats
+    patches: Floats
     distance: Floats
 
 
@@ -65,24 +68,22 @@ def learn_gross(
     progress : callable
         Hears of every photograph done.
     """
-    base = evidence.bank(table, (SIDE, SIDE), Plain(), priors[0], CANDIDATES)
-    noise = evidence.noise_power(base, NOISE, 0.0)
     trials = [_captures(image, table, rng) for image in images]
 
-    def solved(usual: float) -> list[list[Solution]]:
-        out = []
-        for prior, trial in zip(priors, trials, strict=True):
-            bank = base.under(replace(prior, misfit=usual), annuli((SIDE, SIDE)))
-            out.append(solve_all(trial.power, np.tile(noise, (len(trial.power), 1)), bank))
-            progress(1)
+    def solved(usual: float) -> list[tuple[Solution, float]]:
+        out: list[tuple[Solution, float]] = []
+        for side in SIDES:
+            base, cut = evidence.bank(table, (side, side), Plain(), priors[0], CANDIDATES), (max(SIDES) - side) // 2
+            noise = np.tile(evidence.noise_power(base, NOISE, 0.0), (DISTANCES, 1))
+            for prior, trial in zip(priors, trials, strict=True):
+                bank = base.under(replace(prior, misfit=usual), annuli((side, side)))
+                powers = annular_power(trial.patches[:, cut : cut + side, cut : cut + side])
+                out += zip(solve_all(powers, noise, bank), trial.distance, strict=True)
+                progress(1)
         return out
 
-    misfit = float(np.quantile([each.misfit for found in solved(np.inf) for each in found], USUAL))
-    exact = [
-        (Density(each.even, each.fit.log_evidence, table.position), distance)
-        for found, trial in zip(solved(misfit), trials, strict=True)
-        for each, distance in zip(found, trial.distance, strict=True)
-    ]
+    misfit = float(np.quantile([found.misfit for found, _ in solved(np.inf)], USUAL))
+    exact = [(Density(found.even, found.fit.log_evidence, table.position), z) for found, z in solved(misfit)]
     covers = [np.mean([_covers(with_gross_errors(density, share), z) for density, z in exact]) for share in SHARES]
     return misfit, float(np.interp(LEVEL, covers, SHARES))
 
@@ -96,9 +97,9 @@ def _captures(image: Floats, table: PSFTable, rng: np.random.Generator) -> Trial
     """Captures of a photograph with a plain imager, a patch of each."""
     near, far = table.span
     distances = rng.uniform(near + 0.05 * (far - near), far - 0.05 * (far - near), DISTANCES)
-    powers = []
+    patches, side = [], max(SIDES)
     for distance in distances:
         shot = capture(image, psf_of(table, distance), NOISE, rng, imager=Plain())
-        y, x = (int(rng.integers(0, n - SIDE + 1)) for n in image.shape)
-        powers.append(annular_power(shot[y : y + SIDE, x : x + SIDE]))
-    return Trials(np.stack(powers), distances)
+        y, x = (int(rng.integers(0, n - side + 1)) for n in image.shape)
+        patches.append(shot[y : y + side, x : x + side])
+    return Trials(np.stack(patches), distances)

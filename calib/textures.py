@@ -32,6 +32,10 @@ Floats = NDArray[np.float64]
 SIZES = (64, 128, 256)
 """Sides of the patches learnt from, pixels."""
 
+ROUNDS_OF_EM = 50
+"""Of expectation maximisation. More fit patches of 64 pixels by ever wilder spectra at frequencies below any of
+theirs: after 200 rounds the mean there is e^3 times what patches of 256 pixels show, after 1000 e^10 times."""
+
 FREE_CONTRAST = 3.0
 """Standard deviation of the prior on theta_0, in nats: a factor of 20 in power either way."""
 
@@ -73,7 +77,7 @@ def spectra(images: Sequence[Floats], size: int, terms: int) -> Spectra:
     return Spectra(np.log(np.array(powers)) - bias, matrix, variance, np.array(numbers))
 
 
-def fit(groups: Sequence[Spectra], rounds: int = 200) -> tuple[Floats, Floats, float]:
+def fit(groups: Sequence[Spectra], rounds: int = ROUNDS_OF_EM) -> tuple[Floats, Floats, float]:
     """Mean (J,), covariance (J, J) and roughness by expectation maximisation; patches of one size go together."""
     terms = groups[0].basis.shape[1]
     mean, covariance, rough = np.zeros(terms), np.eye(terms), 0.1

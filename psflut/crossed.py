@@ -113,8 +113,9 @@ class Crossing:
     def excess(self) -> Floats:
         """(K,) S A + 1, the fused power of both images over their noise, by annulus of the patch."""
         rings = annuli(self.first.shape)
-        response = rings.mean(self.first.imager.transfer(self.first.shape) ** 2)
-        parts = [each.power / each.noise.power(response, each.mean_level) for each in (self.first, self.second)]
+        response = rings.leaked(self.first.imager.transfer(rings.doubled) ** 2)
+        pair = self.first, self.second
+        parts = [each.power / each.noise.power(response, each.mean_level, rings.white) for each in pair]
         return np.asarray(np.maximum(sum(parts) - 1, 0.1))
 
     @cached_property

@@ -39,8 +39,8 @@ class Bank:
         Candidates in the coordinate in which the prior is flat (vergence in 1/m, or stage in m).
     attenuation : (M, K) array
         |L|^2 T: what imager and optics leave of the scene's power.
-    imager : (K,) array
-        |L|^2, which also colours the photon noise.
+    imager, white : (K,) arrays
+        |L|^2, which also colours the photon noise, and the power of white noise of variance 1, as annuli show them.
     basis : (K, J) array
     shape : (K,) or (M, K) array
         Gamma shapes a.
@@ -50,6 +50,7 @@ class Bank:
     even: Floats
     attenuation: Floats
     imager: Floats
+    white: Floats
     basis: Floats
     shape: Floats
     prior: TexturePrior
@@ -84,12 +85,13 @@ def bank(table: PSFTable, shape: tuple[int, int], imager: Imager, prior: Texture
     rings = annuli(shape)
     positions = table.candidates(count)
     filtered = imager.transfer(rings.doubled) ** 2
+    response = rings.leaked(filtered)
     attenuation = np.stack([rings.passed(filtered * table.power(rings.doubled, z)) for z in positions])
-    response = rings.mean(imager.transfer(shape) ** 2)
     return Bank(
         even=table.even(positions),
         attenuation=np.maximum(attenuation, 0.0),
         imager=response,
+        white=rings.white,
         basis=basis(rings.frequency, len(prior.mean)),
         shape=prior.shape(rings.effective),
         prior=prior,
@@ -98,7 +100,7 @@ def bank(table: PSFTable, shape: tuple[int, int], imager: Imager, prior: Texture
 
 def noise_power(bank: Bank, noise: Noise, level: float) -> Floats:
     """N_k: read noise, and photon noise of a patch of that mean level, coloured by the imager."""
-    return noise.power(bank.imager, level)
+    return noise.power(bank.imager, level, bank.white)
 
 
 def scene_power(attenuation: Floats, theta: Floats, bank: Bank) -> Floats:

@@ -17,8 +17,7 @@ Floats = NDArray[np.float64]
 def power(pair: Crossing, even: float, gain: float) -> Floats:
     """(K,) power over noise of the images fused at a distance: of mean S A + 1 in each annulus of the patch."""
     rings, moved = annuli(pair.first.shape), phase(pair.first.shape, pair.shift)
-    tapered = [rings.taper * (g - np.average(g, weights=rings.taper)) for g in (pair.first.image, pair.second.image)]
-    one, two = (fft.rfft2(each) / np.sqrt(np.sum(rings.taper**2)) for each in tapered)
+    one, two = (rings.transformed(each.image) for each in (pair.first, pair.second))
     fused, total = _fused(pair, (one * moved, two), rings.shape, even, gain)
     return rings.mean(np.abs(fused) ** 2 / total)
 

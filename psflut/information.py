@@ -53,9 +53,12 @@ class Sensor:
     noise: Noise
     relative: bool = False
 
-    def power(self, response: Floats | float, level: Floats | float, variance: Floats | float) -> Floats:
-        """Noise power where the imager has that squared response, of a capture of that level and variance."""
-        read = self.noise.read**2 * np.asarray(variance if self.relative else 1.0)
+    def power(
+        self, response: Floats | float, level: Floats | float, variance: Floats | float, white: Floats | float = 1.0
+    ) -> Floats:
+        """Noise power where the imager has that squared response, of a capture of that level and variance; `white` is
+        that of white noise of variance 1."""
+        read = self.noise.read**2 * np.asarray(variance if self.relative else 1.0) * white
         return np.asarray(read + response * np.maximum(level, 0.0) / (self.noise.gain or np.inf))
 
 
@@ -83,7 +86,8 @@ class Textures:
 
     def noise(self, sensor: Sensor, position: int) -> Floats:
         """(D, K) noise power of the captures at one of the positions."""
-        return sensor.power(self.bank.imager, LEVEL, self._variances(self.spectra, position)[:, None])
+        variances = self._variances(self.spectra, position)[:, None]
+        return sensor.power(self.bank.imager, LEVEL, variances, self.bank.white)
 
     def scatter(self, sensor: Sensor) -> Floats:
         """(M, K, K) relative covariance of the powers, of captures of the typical scene; of every `SPARSE`th position,
@@ -164,7 +168,7 @@ def of_known_scene(scenes: Textures, sensor: Sensor) -> Floats:
     for position, even in enumerate(scenes.bank.even):
         change = np.abs(transfer(_slope(scenes.table, even), scenes.shape)) ** 2
         told = bins * scenes.spectra * rings.mean(response * change)
-        rows.append(np.sum(told / scenes.noise(sensor, position), axis=1))
+        rows.append(np.sum(told * scenes.bank.white / scenes.noise(sensor, position), axis=1))
     return np.array(rows)
 
 

@@ -20,6 +20,7 @@ from psflut.crossed import Crossing, Residual, crossing
 from psflut.density import Density, tails
 from psflut.errors import PsflutError
 from psflut.estimation import Problem
+from psflut.evidence import noise_power
 from psflut.grid import cached_bank
 from psflut.gross import with_gross_errors
 from psflut.spread import between, placement
@@ -165,11 +166,11 @@ def _amplitude(pair: Crossing, even: Floats, places: Floats, found: Residual) ->
     power = fused.power(pair, float(places[best]), gain)
     one, two = (cached_bank(each.table, each.shape, each.imager, len(even)) for each in (pair.first, pair.second))
     parts = [
-        share * bank.at(even) / each.noise.power(bank.imager, each.mean_level)
+        share * bank.at(even) * bank.white / noise_power(bank, each.noise, each.mean_level)
         for share, bank, each in ((1.0, one, pair.first), (gain**2, two, pair.second))
     ]
     both = replace(one, even=even, attenuation=parts[0] + parts[1])
-    solved = solve(power, np.ones_like(power), both)
+    solved = solve(power, one.white, both)
     alone = Density(solved.even, solved.fit.log_evidence, pair.first.table.position)
     density = with_gross_errors(alone, solved.bank.prior.gross)
     return CubicSpline(density.nodes, density.log_values)

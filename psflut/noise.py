@@ -45,9 +45,14 @@ class Noise:
         """Variance of the photon noise at that level (image units)."""
         return 0.0 if self.gain is None else max(signal - self.offset, 0.0) / self.gain
 
-    def power(self, response: NDArray[np.float64], signal: float) -> NDArray[np.float64]:
-        """Mean power at frequencies where the imager has the squared response |L|^2: only photon noise is coloured."""
-        return self.read**2 + response * self.shot_variance(signal)
+    def power(
+        self, response: NDArray[np.float64], signal: float, white: NDArray[np.float64] | float = 1.0
+    ) -> NDArray[np.float64]:
+        """Mean power at frequencies where the imager has the squared response |L|^2: only photon noise is coloured.
+
+        `white` is what white noise of variance 1 has there, if not 1 (`psflut.spectrum.Annuli.white`).
+        """
+        return np.asarray(self.read**2 * white + response * self.shot_variance(signal))
 
     def with_quantisation(self, bits: int) -> "Noise":
         """The same with the rounding to 2^bits levels added, a uniform error of variance step^2 / 12."""

@@ -95,7 +95,7 @@ class Problem:
         Noise of known power has, over all annuli, sum n_k (P_k / N_k - 1) of mean zero and variance sum n_k.
         """
         rings = annuli(self.shape)
-        floor = self.noise.power(_response(self.imager, self.shape), self.mean_level)
+        floor = self.noise.power(_response(self.imager, self.shape), self.mean_level, rings.white)
         excess = rings.effective * (self.power / floor - 1)
         return bool(excess.sum() < TEXTURE_SIGMAS * np.sqrt(rings.effective.sum()))
 
@@ -108,4 +108,5 @@ class Problem:
 @lru_cache(maxsize=8)
 def _response(imager: Imager, shape: tuple[int, int]) -> Floats:
     """(K,) |L|^2 by annulus."""
-    return annuli(shape).mean(imager.transfer(shape) ** 2)
+    rings = annuli(shape)
+    return rings.leaked(imager.transfer(rings.doubled) ** 2)

@@ -160,14 +160,13 @@ def pixels(
     q = weight * (slope - taken @ bank.basis.T)
     half = table.size // 2
     rings, kept = annuli(shape), np.ix_(*[np.r_[-half : half + 1]] * 2)
-    bins = np.bincount(rings.index.ravel())[: len(noise)]
     out = []
     for place, towards, along_axis in zip(places, q, slope, strict=True):
         psf, std = table.at(np.clip(table.position(place), *table.span)), pixel_std(table, float(place))
         otf = transfer(psf, shape)
         power = rings.mean(rings.smear(np.abs(otf) ** 2))
-        change = np.append(towards / (bins * power), 0.0)[rings.index]
-        gradient = np.prod(shape) * fft.irfft2(rings.smear(change) * otf, s=shape)[kept]
+        change = np.append(towards / (rings.bins * power), 0.0)[rings.index]
+        gradient = np.prod(shape) * fft.irfft2(rings.pulled(change) * otf, s=shape)[kept]
         gradient -= np.sum(gradient * psf)  # the sum of a PSF is 1 whatever its errors
         told = np.sum(towards * along_axis)  # nothing where all planes are alike
         out.append(np.sqrt(np.sum((gradient * std) ** 2)) / told if told > 0 else np.inf)

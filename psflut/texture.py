@@ -5,7 +5,7 @@
 P_j are the Legendre polynomials: theta_0 is the contrast, theta_1 the slope of the power law that natural
 scenes follow, the others bend it. The contrast is left free (a wide normal, independent of the rest), so
 that gain does not move a distance. Three more numbers say how far real patches are from this: beyond the smooth
-curve the power of an annulus scatters by ``roughness``; ``misfit`` is the scatter that a quarter of all scenes keep
+curve the power of an annulus scatters by ``roughness``; ``misfit`` is the scatter that 0.6 of all scenes keep
 below, and those with more count for less (`psflut.evidence.discount`); a ``gross`` share of scenes misleads without
 showing it (`psflut.gross`).
 
@@ -40,7 +40,7 @@ class TexturePrior:
     roughness : float
         Standard deviation of ln power around the smooth curve, in nats.
     misfit : float
-        Lower quartile of `psflut.evidence.misfit` over captures of photographs.
+        That quantile of `psflut.evidence.misfit` over captures of photographs.
     gross : float
         Share of scenes whose distances err several times as much as the model says.
     provenance : mapping

@@ -73,8 +73,8 @@ def test_weights_are_what_they_claim(scene):
 
 @pytest.mark.parametrize("stage", [-0.0119, 0.0171])
 def test_the_chain_finds_both_modes_with_the_weights_of_the_grid(scene, stage):
-    patch = take(scene, stage, 0.02, 1)
-    ours, exact = (estimate(Observation(patch, NOISE), table(0.02), method) for method in (Posterior(), Wiener()))
+    patch = take(scene, stage, 0.01, 1)
+    ours, exact = (estimate(Observation(patch, NOISE), table(0.01), method) for method in (Posterior(), Wiener()))
     sides = [[sum(m.weight for m in each.modes if m.distance * sign > 0) for sign in (-1, 1)] for each in (ours, exact)]
     assert ours.outcome is exact.outcome is Outcome.AMBIGUOUS
     np.testing.assert_allclose(*sides, atol=0.1)

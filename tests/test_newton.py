@@ -15,7 +15,7 @@ from psflut.spectrum import annular_power
 
 @pytest.fixture(scope="module")
 def bank(lab16mm):
-    return evidence.bank(lab16mm, (128, 128), Plain(), texture.learnt(), 41)
+    return evidence.bank(lab16mm, (128, 128), Plain(), texture.learnt(), 121)
 
 
 def hessian(function, point, step=1e-3):

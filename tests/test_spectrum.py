@@ -4,28 +4,31 @@ import numpy as np
 import pytest
 from scipy import fft
 
-from psflut.spectrum import annular_power, annuli
+from psflut.spectrum import RISE, annular_power, annuli
 
 
 @pytest.mark.parametrize("shape", [(64, 64), (65, 65), (64, 96), (97, 80)])
-def test_white_noise_has_its_variance_in_every_annulus(shape, rng):
+def test_white_noise_has_its_variance_and_what_leaks_in_every_annulus(shape, rng):
     power = np.mean([annular_power(0.3 * rng.standard_normal(shape)) for _ in range(400)], axis=0)
-    spread = 0.09 / np.sqrt(400 * annuli(shape).effective)
-    assert np.all(np.abs(power - 0.09) < 5 * spread)
+    expected = 0.09 * annuli(shape).white
+    assert np.all(np.abs(power - expected) < 5 * expected / np.sqrt(400 * annuli(shape).effective))
 
 
 def test_effective_bins_are_what_the_scatter_of_the_total_says(rng):
     """The sum over annuli of n_k (P_k / N - 1) has the variance sum n_k, correlations included."""
     shape = (64, 64)
     effective = annuli(shape).effective
-    totals = [np.sum(effective * (annular_power(rng.standard_normal(shape)) - 1)) for _ in range(1500)]
+    white = annuli(shape).white
+    totals = [np.sum(effective * (annular_power(rng.standard_normal(shape)) / white - 1)) for _ in range(1500)]
     assert np.var(totals) == pytest.approx(effective.sum(), rel=0.15)
 
 
-def test_a_hann_window_leaves_the_known_share_of_bins():
+def test_a_taper_leaves_the_known_share_of_bins():
+    """Over a rise the means of sin^4 and sin^8 are 3/8 and 35/128; a pixel at either end is not seen."""
     rings = annuli((128, 128))
     nominal = np.sum(np.where(rings.index < len(rings.frequency), 1.0, 0.0))
-    assert rings.effective.sum() / nominal == pytest.approx((9 / 64 / (35 / 128)) ** 2, rel=0.02)
+    squares, fourths = 1 - 2 * RISE * 5 / 8, 1 - 2 * RISE * 93 / 128
+    assert rings.effective.sum() / nominal == pytest.approx((squares**2 / fourths * 126 / 128) ** 2, rel=0.01)
 
 
 def test_smear_predicts_the_mean_power_of_blurred_noise(lab16mm, rng):

@@ -2,8 +2,8 @@
 
     python -m pytest -m benchmark tests/benchmarks/test_honesty.py -s
 
-kodak shrunk two-fold, lab16mm, one patch a capture at a random place, noise 0.005, distances even in metres. Of
-patches of 64 pixels near ones should err by 1.5 % at most: on two draws they did by 1.2 and 1.7 %, so 2 is asserted.
+kodak shrunk two-fold, lab16mm, one patch a capture at a random place, noise 0.005, distances even in metres. Intervals
+of patches of 64 pixels are a little too wide: 95 % ones cover 97.0 %, 68 % ones 75 % (bars 97 and 73).
 """
 
 import functools
@@ -102,8 +102,8 @@ def figures(lab16mm, request):
 
 def test_errors_and_intervals(figures):
     whole = figures["side"] == 128
-    assert figures["near"] < (0.0055 if whole else 0.02)
-    assert 0.93 < figures["covers 95"] < (0.97 if whole else 0.99)
+    assert figures["near"] < (0.0055 if whole else 0.015)
+    assert 0.93 < figures["covers 95"] < (0.97 if whole else 0.98)
     assert min(figures["thirds"]) >= 0.9
     if whole:
         assert figures["middle"] < 0.012

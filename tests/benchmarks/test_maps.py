@@ -1,7 +1,7 @@
 """How near and how honest maps of distance are on scenes with depth, and what a very large one costs.
 
-    python -m pytest -m benchmark tests/benchmarks/test_depthmap.py -s
-    python -m pytest -m benchmark tests/benchmarks/test_depthmap.py -s -k motorcycle --basetemp figures  # its figures
+    python -m pytest -m benchmark tests/benchmarks/test_maps.py -s
+    python -m pytest -m benchmark tests/benchmarks/test_maps.py -s -k motorcycle --basetemp figures  # its figures
 
 Scenes are rendered by `psflut.scenes` in PSFs of lab16mm's model, noise 0.005, patches of 64 pixels, stride 32. The
 truth of a patch is the weighted median of its pixels' distances, the weights being the squared taper, as they are of

@@ -19,7 +19,9 @@ those left out that do not meet a neighbour's               94 %
 widened as here                                             95 %
 ==========================================================  =====
 
-at a median error of 2.9, 3.0, 3.2, 3.5 and 3.0 %. It has nothing to tune.
+at a median error of 2.9, 3.0, 3.2, 3.5 and 3.0 %. It has nothing to tune. That was with a Hann window over each patch;
+since more of a patch counts (`psflut.spectrum`) intervals are narrower, and those of the patches alone cover 78 %,
+widened as here 85 %.
 """
 
 from itertools import product

@@ -50,7 +50,7 @@ def agreement(records: Sequence[Record], title: str = "", palette: Palette | Non
     columns = min(len(methods), 4)
     rows = -(-len(methods) // columns)
     figure = Plot(figsize=(2.7 * columns + 0.4, 2.7 * rows + 0.9), layout="constrained")
-    figure.suptitle(title, fontsize=10)
+    figure.suptitle(fill(title, 24 * columns), fontsize=10)
     grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
     for axis, (method, colour) in zip(grid.ravel(), methods, strict=False):
         own = of_method(records, method)

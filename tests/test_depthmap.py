@@ -11,7 +11,7 @@ from psflut.errors import PsflutError
 from psflut.estimation import Observation, Outcome, estimate
 from psflut.frames import Stack
 from psflut.noise import Noise
-from psflut.relief import relief, widened
+from psflut.relief import OWN, relief, widened
 from psflut.smoothing import smoothed
 from psflut.tiles import Tiles
 
@@ -84,12 +84,12 @@ def test_patches_that_straddle_two_surfaces_say_so(lab16mm):
     assert np.all(wide[..., 1] >= interval[..., 1] - 1e-12)
 
 
-def test_relief_is_the_scatter_beyond_the_errors(rng):
+def test_relief_is_the_difference_beyond_the_errors_that_are_not_shared(rng):
     sd = np.full((60, 60), 0.1)
-    flat = rng.standard_normal((60, 60)) * sd
+    flat = 1.0 + np.sqrt(OWN) * rng.standard_normal((60, 60)) * sd
     rough = flat + 0.3 * rng.standard_normal((60, 60))
-    assert np.sqrt(np.mean(relief(rough, sd) ** 2)) == pytest.approx(0.3, rel=0.05)
-    assert np.sqrt(np.mean(relief(flat, sd) ** 2)) < 0.05
+    assert np.sqrt(np.mean(relief(rough, sd) ** 2)) == pytest.approx(0.3 * np.sqrt(2), rel=0.05)
+    assert np.sqrt(np.mean(relief(flat, sd) ** 2)) < 0.06
     assert relief(np.ones((1, 1)), np.ones((1, 1))) == 0
 
 

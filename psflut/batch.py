@@ -1,30 +1,30 @@
 """Many patches of one shape at once: what a map of distances needs of each, and nothing else."""
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from psflut import family
-from psflut.candidates import solve_all
-from psflut.density import Density
+from psflut.candidates import Search, search, solution
+from psflut.density import tails
 from psflut.door import door
 from psflut.errors import PsflutError
-from psflut.estimation import Outcome, judge, prior_density
+from psflut.estimation import Outcome, prior_density, verdict
 from psflut.evidence import Bank, noise_power
 from psflut.grid import cached_bank
 from psflut.gross import mixed
 from psflut.laplace import fine_model
 from psflut.noise import Noise
-from psflut.problem import Observation, Problem
+from psflut.problem import Observation, Problem, is_flat, is_saturated, mean_level
 from psflut.spectrum import annular_power
-from psflut.spread import spread
+from psflut.spread import along, spread
 from psflut.table import PSFTable
+from psflut.tabulated import FINE, cumulated, modes, quantiles, tabulate, widened
 
 Floats = NDArray[np.float64]
-Row = tuple[float, tuple[float, float], Outcome, float, float]
 
 CHUNK = 32
 """Patches worked on together: what they need stays in the cache."""
@@ -93,17 +93,10 @@ def estimate_all(
         raise PsflutError(f"patches are an (N, H, W) array, got shape {np.shape(patches)}; stack them")
     problem = _worst(np.asarray(patches), table, noise, imager, level)
     shared = _Shared(problem, candidates)
-    chunks = np.array_split(patches, -(-len(patches) // CHUNK)) if len(patches) else []
+    chunks = np.array_split(patches, max(1, -(-len(patches) // CHUNK)))
     with ThreadPoolExecutor(threads) as pool:
-        rows = [row for some in pool.map(shared.rows, chunks) for row in some]
-    distance, interval, outcome, weight, misfit = zip(*rows, strict=True) if rows else ([], [], [], [], [])
-    return Batch(
-        distance=np.array(distance),
-        interval=np.array(interval).reshape(-1, 2),
-        outcome=np.array([OUTCOMES.index(each) for each in outcome], dtype=np.int8),
-        weight=np.array(weight),
-        misfit=np.array(misfit),
-    )
+        done = list(pool.map(shared.solved, chunks))
+    return Batch(*(np.concatenate([getattr(each, part.name) for each in done]) for part in fields(Batch)))
 
 
 def _worst(patches: NDArray[Any], table: PSFTable, noise: Noise, imager: str | None, level: float) -> Problem:
@@ -131,41 +124,55 @@ class _Shared:
         """Kept for all patches of that shape."""
         return cached_bank(self.problem.table, self.problem.shape, self.problem.imager, self.candidates)
 
-    def rows(self, patches: NDArray[np.floating]) -> list[Row]:
-        """Of each of a few patches: distance, interval, outcome, weight and misfit."""
-        problems = [replace(self.problem, image=patch) for patch in np.asarray(patches, dtype=np.float64)]
-        powers = annular_power(np.stack([each.image for each in problems]))
-        for each, power in zip(problems, powers, strict=True):
-            vars(each)["power"] = power
-        flat = [each.is_flat for each in problems]
-        found = iter(self._densities([each for each, blank in zip(problems, flat, strict=True) if not blank]))
-        return [self._row(each, None if blank else next(found)) for each, blank in zip(problems, flat, strict=True)]
+    def solved(self, patches: NDArray[np.floating]) -> Batch:
+        """The estimates of a few patches, all at once in every step."""
+        one, count = self.problem, len(patches)
+        images = np.asarray(patches, dtype=np.float64)
+        power, level = annular_power(images), mean_level(images, one.imager)
+        seen = ~is_flat(power, one.noise, level, one.imager, one.shape)
+        saturated = is_saturated(images)
 
-    def _densities(self, problems: list[Problem]) -> list[tuple[Density, float]]:
-        """The posterior of each problem and its misfit, as `psflut.grid` makes them."""
-        if not problems:
-            return []
-        table, shape, bank = self.problem.table, self.problem.shape, self.bank
-        noises = np.stack([noise_power(bank, each.noise, each.mean_level) for each in problems])
-        solutions = solve_all(np.stack([each.power for each in problems]), noises, bank)
-        exact = [Density(each.even, each.fit.log_evidence, table.position) for each in solutions]
-        values = mixed(np.stack([each.values for each in exact]), bank.prior.gross)
-        widths = [
-            spread(table, shape, each.bank, noise, each.even, each.fit.log_evidence, each.fit.theta)
-            for each, noise in zip(solutions, noises, strict=True)
-        ]
+        blank = prior_density(one.table)
+        mode = blank.modes()[0]
+        distance, weight, misfit = np.full(count, mode.distance), np.full(count, mode.weight), np.full(count, np.nan)
+        interval = np.tile(blank.interval(one.level), (count, 1))
+        outcome = np.full(count, OUTCOMES.index(Outcome.FLAT), dtype=np.int8)
+        if seen.any():
+            noise = noise_power(self.bank, one.noise, level[seen])
+            found = search(power[seen], noise, self.bank)
+            even, weight[seen], verdicts = self._read(self._densities(found, noise))
+            metres = np.sort(one.table.position(even), axis=1)
+            distance[seen], interval[seen], misfit[seen] = metres[:, 1], metres[:, [0, 2]], found.misfit
+            outcome[seen] = [OUTCOMES.index(each) for each in verdicts]
+            outcome[seen & saturated] = OUTCOMES.index(Outcome.SATURATED)
+        return Batch(distance, interval, outcome, weight, misfit)
+
+    @property
+    def _nodes(self) -> Floats:
+        """(FINE,) of the densities, in the even coordinate."""
+        return np.linspace(self.bank.even.min(), self.bank.even.max(), FINE)
+
+    def _densities(self, found: Search, noise: Floats) -> Floats:
+        """(B, FINE) posteriors, as `psflut.grid` makes them."""
+        table, nodes = self.problem.table, self._nodes
+        sharp = mixed(tabulate(found.even, found.log_evidence, found.seen), self.bank.prior.gross)
         if table.psf_std is None:  # then the table's errors are the same for all
-            common = widths[0](exact[0].nodes)
-            widths = [lambda _: common] * len(widths)
-        return [
-            (Density.tabled(sharp.nodes, row, table.position).widened(width), each.misfit)
-            for sharp, row, width, each in zip(exact, values, widths, solutions, strict=True)
-        ]
+            return widened(sharp, along(table, nodes) / (nodes[1] - nodes[0]))
+        sd = np.empty_like(sharp)
+        for number, own in enumerate(noise):
+            even, fit, bank, _ = solution(found, number, self.bank)
+            sd[number] = spread(table, self.problem.shape, bank, own, even, fit.log_evidence, fit.theta)(nodes)
+        return widened(sharp, sd / (nodes[1] - nodes[0]))
 
-    def _row(self, problem: Problem, found: tuple[Density, float] | None) -> Row:
-        density, misfit = found or (prior_density(problem.table), np.nan)
-        outcome = judge(density)[0] if found else Outcome.FLAT
-        if found and problem.is_saturated:
-            outcome = Outcome.SATURATED
-        distance, weight = density.modes()[0]
-        return distance, density.interval(problem.level), outcome, weight, misfit
+    def _read(self, densities: Floats) -> tuple[Floats, Floats, list[Outcome]]:
+        """Even coordinates (B, 3) of the heaviest mode's median between the interval's ends; its weight; outcomes."""
+        cumulative, nodes, rows = cumulated(densities), self._nodes, np.arange(len(densities))
+        found = modes(densities, cumulative)
+        best, count = found.heaviest, np.bincount(found.row)
+        low, high = tails(self.problem.level)
+        weight = found.weight[best]
+        wanted = np.stack([np.full(len(rows), low), found.below[best] + weight / 2, np.full(len(rows), high)], axis=1)
+        places = quantiles(cumulative, np.repeat(rows, 3), wanted.ravel()).reshape(-1, 3)
+        peak = np.argmax(densities, axis=1)
+        verdicts = map(verdict, count, weight, (peak == 0) | (peak == FINE - 1))
+        return nodes[0] + places * (nodes[1] - nodes[0]), weight, list(verdicts)

@@ -1,7 +1,8 @@
 """The evidence of many patches, at as many distances as the posterior of each needs.
 
-Distances are looked at where those before them leave doubt (`psflut.newton`), twice: first to find the likeliest, whose
-misfit says how much the patch counts; then, with shapes that count for so much, as closely as its posterior needs.
+Distances are looked at where those before them leave doubt (`psflut.kernels.exploring`), twice: first to find the
+likeliest, whose misfit says how much the patch counts; then, with shapes that count for so much, as closely as its
+posterior needs.
 """
 
 from typing import TYPE_CHECKING, NamedTuple
@@ -11,10 +12,10 @@ from numpy.typing import NDArray
 
 from psflut import evidence
 from psflut.evidence import Bank
-from psflut.laplace import Fit, fine_model, first_guess
+from psflut.laplace import Fit, filled, fine_model, first_guess
 
 if TYPE_CHECKING:
-    from psflut.newton import Found
+    from psflut.kernels.exploring import Found
 
 Floats = NDArray[np.float64]
 
@@ -24,6 +25,29 @@ on 288 captures of kodak at 64 and 128 pixels, medians move by 0.002 sigma (99 %
 
 MOST = 512
 """Distances that a patch gets, at most; 50 is usual."""
+
+
+class Search(NamedTuple):
+    """What was found of B patches, at up to R distances each, which ascend.
+
+    Parameters
+    ----------
+    seen : (B,) array
+        How many.
+    even, log_evidence : (B, R) arrays
+        Beyond those seen, the last of them again.
+    theta : (B, R, J) array
+        Coefficients of the scene's spectrum that go best with each.
+    misfit, share : (B,) arrays
+        Of the likeliest, and what the shapes count for with it.
+    """
+
+    seen: NDArray[np.int64]
+    even: Floats
+    log_evidence: Floats
+    theta: Floats
+    misfit: Floats
+    share: Floats
 
 
 class Solution(NamedTuple):
@@ -44,6 +68,19 @@ def solve(power: Floats, noise: Floats, bank: Bank) -> Solution:
 
 
 def solve_all(power: Floats, noise: Floats, bank: Bank) -> list[Solution]:
+    """The same of patches of one shape, (B, K) each."""
+    found = search(power, noise, bank)
+    return [solution(found, number, bank) for number in range(len(power))]
+
+
+def solution(found: Search, number: int, bank: Bank) -> Solution:
+    """One patch of them."""
+    some = number, slice(found.seen[number])
+    fit = Fit(found.log_evidence[some], found.theta[some])
+    return Solution(found.even[some], fit, bank.counted(found.share[number]), float(found.misfit[number]))
+
+
+def search(power: Floats, noise: Floats, bank: Bank) -> Search:
     """The evidence of patches of one shape, each as if it were alone.
 
     Parameters
@@ -53,27 +90,26 @@ def solve_all(power: Floats, noise: Floats, bank: Bank) -> list[Solution]:
     bank : Bank
         Its candidates tell what the optics leave; splines serve between them.
     """
-    from psflut import newton
+    from psflut.kernels import exploring
 
-    power, noise = (np.array(each, dtype=np.float64) for each in (power, noise))
-    count, terms = len(power), bank.basis.shape[1]
     even, model = fine_model(bank)
-    found = newton.nothing(count, MOST, terms)
-    newton.explore(power, noise, np.ones(count), first_guess(power, noise, bank), model, found, LOOSE)
+    found = exploring.nothing(len(power), MOST, bank.basis.shape[1])
+    patches = filled(power), filled(noise)
+    exploring.explore(*patches, np.ones(len(power)), first_guess(power, noise, bank), model, found, LOOSE)
     misfit = _misfit(power, noise, bank, model.attenuation, found)
     share = evidence.discount(misfit, bank.prior)
-    newton.explore(power, noise, share, model.mean[None], model, found, CLOSE)
-    solutions = []
-    for b in range(count):
-        order = np.argsort(found.place[b, : found.seen[b]])
-        fit = Fit(found.log_evidence[b, order], found.theta[b, order])
-        solutions.append(Solution(even[found.place[b, order]], fit, bank.counted(share[b]), float(misfit[b])))
-    return solutions
+    exploring.explore(*patches, share, model.mean[None], model, found, CLOSE)
+
+    ranks = np.minimum(np.arange(found.seen.max(initial=0)), found.seen[:, None] - 1)
+    patch = np.arange(len(power))[:, None]
+    order = patch, found.order[patch, ranks]
+    return Search(found.seen, even[found.place[order]], found.log_evidence[order], found.theta[order], misfit, share)
 
 
 def _misfit(power: Floats, noise: Floats, bank: Bank, attenuation: Floats, found: "Found") -> Floats:
     """(B,) misfit of each patch's likeliest distance."""
     looked, patch = np.arange(MOST) < found.seen[:, None], np.arange(len(power))
     best = np.argmax(np.where(looked, found.log_evidence, -np.inf), axis=1)
-    scene = evidence.scene_power(attenuation[found.place[patch, best]], found.theta[patch, best], bank)
+    theta, places = found.theta[patch, best], found.place[patch, best]
+    scene = evidence.scene_power(attenuation[places, : power.shape[1]], theta, bank)
     return evidence.misfit(power, scene + noise, bank.shape)

@@ -11,19 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import fft
+
+from psflut import tabulated
+from psflut.tabulated import FAINT, FINE, Modes
 
 Floats = NDArray[np.float64]
-
-FINE = 4096
-"""Nodes of the grid that integrals are taken on."""
-
-WIDTHS, FAINT = 9, 1e-15
-"""Normal kernels between whose widths those of a convolution are mixed; what counts as no density at all."""
-
-VALLEY, LOWEST_PEAK = 0.5, 1e-3
-"""A peak is a mode of its own if the density falls below half of it before a higher peak, and if it is not
-lower than a thousandth of the highest."""
 
 
 class Mode(NamedTuple):
@@ -67,11 +59,9 @@ class Density:
     @cached_property
     def values(self) -> Floats:
         """(FINE,) density at `nodes`, its largest value 1."""
-        from psflut import curves
-
-        order, log = np.argsort(self.even), np.empty(FINE)
-        curves.spline(self.even[order], self.log_density[order], log)
-        return np.asarray(np.exp(log - log.max()))
+        order = np.argsort(self.even)
+        rows = tabulated.tabulate(self.even[None, order], self.log_density[None, order], np.array([len(order)]))
+        return np.asarray(rows[0])
 
     @property
     def log_values(self) -> Floats:
@@ -81,31 +71,21 @@ class Density:
     @cached_property
     def cumulative(self) -> Floats:
         """(FINE,) probability below each node, by the trapezium rule."""
-        sums = np.concatenate([[0.0], np.cumsum(0.5 * (self.values[1:] + self.values[:-1]))])
-        return np.asarray(sums / sums[-1])
+        return np.asarray(tabulated.cumulated(self.values[None])[0])
 
     def widened(self, spread: Callable[[Floats], Floats]) -> "Density":
         """The density of a coordinate that is this one plus a normal error, mirrored at the ends of the grid.
 
-        The error's standard deviation, ``spread(even)``, may vary along the axis: each part of the density is
-        convolved with the two nearest of `WIDTHS` kernels, mixed so that its variance is exact. An error below the step
-        of the fine grid changes nothing.
+        The error's standard deviation, ``spread(even)``, may vary along the axis (`tabulated.widened`).
 
         Parameters
         ----------
         spread : callable
             From even coordinates (n,) to standard deviations (n,) in that coordinate.
         """
-        step = np.diff(self.nodes[:2])
-        variance = np.minimum(spread(self.nodes), np.ptp(self.nodes)) ** 2
-        if variance.max() < step**2:
-            return self
-        widths = np.linspace(0.0, np.sqrt(variance.max()), WIDTHS)
-        shares = np.stack([np.interp(variance, widths**2, unit) for unit in np.eye(WIDTHS)])
-        waves = np.pi * np.arange(FINE) / (FINE * step)  # of the cosines, which mirror at the ends
-        kernels = np.exp(-0.5 * (waves * widths[:, None]) ** 2)
-        total = fft.idct(np.sum(kernels * fft.dct(shares * self.values), axis=0))
-        return Density.tabled(self.nodes, np.maximum(total, 0.0), self.position)
+        rows = self.values[None]
+        wide = tabulated.widened(rows, spread(self.nodes) / np.diff(self.nodes[:2]))
+        return self if wide is rows else Density.tabled(self.nodes, wide[0], self.position)
 
     @property
     def mean(self) -> float:
@@ -114,7 +94,12 @@ class Density:
 
     def quantile(self, probability: Floats | list[float]) -> Floats:
         """Even coordinates below which that probability lies."""
-        return np.asarray(np.interp(np.asarray(probability), self.cumulative, self.nodes))
+        wanted = np.asarray(probability, dtype=float)
+        rows = np.zeros(wanted.size, np.int64)
+        return self._even(tabulated.quantiles(self.cumulative[None], rows, wanted.ravel())).reshape(wanted.shape)
+
+    def _even(self, nodes: Floats) -> Floats:
+        return np.asarray(self.nodes[0] + nodes * (self.nodes[-1] - self.nodes[0]) / (FINE - 1))
 
     def interval(self, level: float) -> tuple[float, float]:
         """Equal-tailed credible interval, (near, far) in metres."""
@@ -127,9 +112,12 @@ class Density:
     @cached_property
     def borders(self) -> Floats:
         """Even coordinates where one mode ends and the next begins, ascending, with both ends of the grid."""
-        from psflut import curves
+        return np.asarray(self.nodes[np.append(self.parts.start, FINE - 1)])
 
-        return np.asarray(self.nodes[curves.borders(self.values, LOWEST_PEAK, VALLEY)])
+    @cached_property
+    def parts(self) -> Modes:
+        """The modes in ascending order, in nodes."""
+        return tabulated.modes(self.values[None], self.cumulative[None])
 
     def modes(self) -> tuple[Mode, ...]:
         """The modes, heaviest first."""
@@ -137,9 +125,8 @@ class Density:
 
     @cached_property
     def _modes(self) -> tuple[Mode, ...]:
-        shares = np.interp(self.borders, self.nodes, self.cumulative)
-        medians = self.position(self.quantile(0.5 * (shares[1:] + shares[:-1])))
-        modes = [Mode(float(z), float(w)) for z, w in zip(medians, np.diff(shares), strict=True)]
+        medians = self.position(self.quantile(self.parts.below + self.parts.weight / 2))
+        modes = [Mode(float(z), float(w)) for z, w in zip(medians, self.parts.weight, strict=True)]
         return tuple(sorted(modes, key=lambda mode: -mode.weight))
 
     def edge(self) -> str | None:

@@ -7,13 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from psflut.density import FINE, Density
+from psflut.density import Density
 from psflut.edges import Sampled
 from psflut.edgeshape import columns_of, pull_of
 from psflut.imagers import Imager
 from psflut.noise import Noise
 from psflut.spread import along, pixel_std
 from psflut.table import PSFTable
+from psflut.tabulated import FINE
 
 Floats = NDArray[np.float64]
 
@@ -91,9 +92,8 @@ def fit(edges: Sequence[Sampled], table: PSFTable, imager: Imager, noise: Noise,
     positions = table.candidates(count)
     if not edges:
         return Fit(table.even(positions), np.zeros(count))
-    variance = [
-        noise.read**2 + noise.shot_variance(level if imager.signed else float(edge.values.mean())) for edge in edges
-    ]
+    levels = [level if imager.signed else float(edge.values.mean()) for edge in edges]
+    variance = noise.read**2 + noise.shot_variance(levels)
     each_left = [_left(table, imager, positions, edge) / each for edge, each in zip(edges, variance, strict=True)]
     left = np.sum(each_left, axis=0)
     best = int(np.clip(np.argmin(left), 1, count - 2))

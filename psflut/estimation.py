@@ -155,11 +155,16 @@ def for_any_scene() -> tuple[str, ...]:
 
 def judge(density: Density) -> tuple[Outcome, dict[str, Any]]:
     """The outcome of a posterior density, and what the stats say of it."""
-    modes = density.modes()
-    if len(modes) > 1 and modes[0].weight < LEAST_MODE:
-        return Outcome.AMBIGUOUS, {}
-    edge = density.edge()
-    return (Outcome.AT_EDGE, {"edge": edge}) if edge else (Outcome.OK, {})
+    modes, edge = density.modes(), density.edge()
+    outcome = verdict(len(modes), modes[0].weight, edge is not None)
+    return outcome, {"edge": edge} if outcome is Outcome.AT_EDGE else {}
+
+
+def verdict(modes: int, weight: float, at_edge: bool) -> Outcome:
+    """The outcome of a posterior density of so many modes, the heaviest of that probability."""
+    if modes > 1 and weight < LEAST_MODE:
+        return Outcome.AMBIGUOUS
+    return Outcome.AT_EDGE if at_edge else Outcome.OK
 
 
 def conclude(

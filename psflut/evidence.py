@@ -98,8 +98,9 @@ def bank(table: PSFTable, shape: tuple[int, int], imager: Imager, prior: Texture
     )
 
 
-def noise_power(bank: Bank, noise: Noise, level: float) -> Floats:
-    """N_k: read noise, and photon noise of a patch of that mean level, coloured by the imager."""
+def noise_power(bank: Bank, noise: Noise, level: ArrayLike) -> Floats:
+    """N_k: read noise, and photon noise of a patch of that mean level, coloured by the imager. Of several levels (...),
+    (..., K)."""
     return noise.power(bank.imager, level, bank.white)
 
 

@@ -22,8 +22,8 @@ anyway, more is covered: 96 or 97 % and 76 %.
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import fft
 
+from psflut import tabulated
 from psflut.density import Density
 
 Floats = NDArray[np.float64]
@@ -41,22 +41,18 @@ def with_gross_errors(density: Density, share: float) -> Density:
 
 def mixed(values: Floats, share: float) -> Floats:
     """The same of densities on a grid, (B, n) values each: every mode is convolved with its own normal kernel."""
-    count = values.shape[1]
-    rows, sds, parts = [], [], []
-    for row, own in enumerate(values):
-        density = Density.tabled(np.arange(count, dtype=float), own, np.asarray)
-        cuts = density.borders.astype(int)
-        for a, b, sd in zip(cuts[:-1], cuts[1:] + (cuts[1:] == count - 1), _widths(density), strict=True):
-            part = np.zeros(count)
-            part[a:b] = own[a:b]
-            rows.append(row)
-            sds.append(sd)
-            parts.append(part)
-    waves = np.pi * np.arange(count) / count  # of the cosines, which mirror at the ends
-    smooth = fft.dct(np.array(parts)) * np.exp(-0.5 * (waves * np.array(sds)[:, None]) ** 2)
-    wide = np.maximum(fft.idct(np.add.reduceat(smooth, np.searchsorted(rows, np.arange(len(values))))), 0.0)
+    cumulative = tabulated.cumulated(values)
+    modes = tabulated.modes(values, cumulative)
+    parts = np.zeros((len(modes.row), values.shape[1]))
+    for part, row, start, end in zip(parts, modes.row, modes.start, modes.end, strict=True):
+        last = end + (end == values.shape[1] - 1)
+        part[start:last] = values[row, start:last]
+    wide = tabulated.blurred(parts, modes.row, _widths(cumulative, modes), len(values))
     total, others = values.sum(axis=1, keepdims=True), wide.sum(axis=1, keepdims=True)
-    return np.asarray((1 - share) * values / total + share * wide / others)
+    wide *= share / (1 - share) * total / others
+    wide += values
+    wide /= wide.max(axis=1, keepdims=True)
+    return wide
 
 
 def moved(even: Floats, density: Density, share: float, rng: np.random.Generator) -> Floats:
@@ -67,14 +63,14 @@ def moved(even: Floats, density: Density, share: float, rng: np.random.Generator
 
 def width(density: Density, even: Floats) -> Floats:
     """Standard deviation of a gross error at even coordinates (n,): `TIMES` half the 68 % interval of the mode."""
-    borders = density.borders
-    mode = np.clip(np.searchsorted(borders, even) - 1, 0, len(borders) - 2)
-    return _widths(density)[mode]
+    mode = np.clip(np.searchsorted(density.borders, even) - 1, 0, len(density.parts.row) - 1)
+    widths = _widths(density.cumulative[None], density.parts)
+    return np.asarray(widths[mode] * (density.nodes[1] - density.nodes[0]))
 
 
-def _widths(density: Density) -> Floats:
-    """The same for every mode."""
-    below = np.interp(density.borders, density.nodes, density.cumulative)
+def _widths(cumulative: Floats, modes: tabulated.Modes) -> Floats:
+    """The same for every mode, in nodes."""
     tails = np.array([0.5 - ONE_SIGMA / 2, 0.5 + ONE_SIGMA / 2])
-    ends = density.quantile(below[:-1, None] + np.diff(below)[:, None] * tails)
+    levels = modes.below[:, None] + modes.weight[:, None] * tails
+    ends = tabulated.quantiles(cumulative, np.repeat(modes.row, 2), levels.ravel()).reshape(-1, 2)
     return np.asarray(TIMES * np.diff(ends, axis=1)[:, 0] / 2)

@@ -3,7 +3,8 @@
     ln p(P | z) = max over theta of [ ln p(P | z, theta) + ln p(theta) ] - 1/2 ln det(curvature there)
 
 up to what does not depend on z. With a thousand effective bins the posterior of theta is so nearly normal that emcee,
-which samples the same density, gives the same distances. The maximum is found by Newton's method (`psflut.newton`).
+which samples the same density, gives the same distances. The maximum is found by Newton's method
+(`psflut.kernels.climbing`).
 """
 
 from dataclasses import dataclass
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from psflut.evidence import Bank, scene_power
 
 if TYPE_CHECKING:
-    from psflut.newton import Model
+    from psflut.kernels.climbing import Model
 
 Floats = NDArray[np.float64]
 
@@ -39,12 +40,13 @@ class Fit:
 
 def integrate(power: Floats, noise: Floats, bank: Bank) -> Fit:
     """The evidence of a power under a noise power, (K,) each, at every distance of the bank."""
-    from psflut import newton
+    from psflut.kernels import climbing
 
-    rows = bank.attenuation.shape
-    theta, log_evidence = np.tile(first_guess(power[None], noise[None], bank), (rows[0], 1)), np.empty(rows[0])
-    power, noise, shape = (np.array(np.broadcast_to(each, rows)) for each in (power, noise, bank.shape))
-    newton.climb_all(power, noise, shape, model(bank, bank.attenuation), theta, log_evidence)
+    rows = len(bank.attenuation)
+    theta, log_evidence = np.tile(first_guess(power[None], noise[None], bank), (rows, 1)), np.empty(rows)
+    power, noise, shape = (np.broadcast_to(each, (rows, len(power))) for each in (power, noise, bank.shape))
+    patches = climbing.Patch(filled(power), filled(noise), filled(shape, 0.0))
+    climbing.climb_all(patches, model(bank, bank.attenuation), theta, log_evidence)
     return Fit(log_evidence, theta)
 
 
@@ -60,21 +62,30 @@ def first_guess(power: Floats, noise: Floats, bank: Bank) -> Floats:
 
 def model(bank: Bank, attenuation: Floats) -> "Model":
     """What the compiled search needs of a bank, with the attenuation (M, K) of its distances."""
-    from psflut import newton
+    from psflut.kernels.climbing import Model
 
-    rows, columns = np.tril_indices(bank.basis.shape[1])
-    functions = np.ascontiguousarray(bank.basis.T)
-    shape = np.array(np.broadcast_to(bank.shape, len(functions[0])))
-    mean, precision = np.array(bank.prior.mean), np.array(bank.prior.precision)
-    return newton.Model(np.array(attenuation), shape, functions, functions[rows] * functions[columns], mean, precision)
+    rows, columns = np.triu_indices(bank.basis.shape[1])
+    basis, mean, precision = filled(bank.basis.T, 0.0), np.array(bank.prior.mean), np.array(bank.prior.precision)
+    functions, products = filled(basis.T, 0.0), filled((basis[rows] * basis[columns]).T, 0.0)
+    shape = filled(np.broadcast_to(bank.shape, len(bank.basis)), 0.0)
+    packed = filled(precision[rows, columns], 0.0)
+    return Model(filled(attenuation, 0.0), shape, basis, functions, products, mean, precision, packed)
+
+
+def filled(values: Floats, empty: float = 1.0) -> Floats:
+    """Values (..., n), copied, with that value as often after them as the compiled code asks for."""
+    from psflut.kernels.algebra import STRIDE
+
+    more = [(0, 0)] * (values.ndim - 1) + [(0, -values.shape[-1] % STRIDE)]
+    return np.ascontiguousarray(np.pad(np.asarray(values, dtype=np.float64), more, constant_values=empty))
 
 
 @lru_cache(maxsize=8)
 def fine_model(bank: Bank) -> "tuple[Floats, Model]":
     """Even coordinates (PLACES + 1,), ascending, and the model of a bank at them; kept for the next patch."""
-    from psflut import newton
+    from psflut.kernels.exploring import PLACES
 
-    even = np.linspace(bank.even.min(), bank.even.max(), newton.PLACES + 1)
+    even = np.linspace(bank.even.min(), bank.even.max(), PLACES + 1)
     return even, model(bank, bank.at(even))
 
 

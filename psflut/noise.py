@@ -4,7 +4,7 @@ import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy import fft
 
 from psflut.errors import PsflutError
@@ -41,18 +41,21 @@ class Noise:
             if not (np.isfinite(value) and value > 0):
                 raise PsflutError(f"{name} must be positive and finite, got {value}; image units run from 0 to 1")
 
-    def shot_variance(self, signal: float) -> float:
-        """Variance of the photon noise at that level (image units)."""
-        return 0.0 if self.gain is None else max(signal - self.offset, 0.0) / self.gain
+    def shot_variance(self, signal: ArrayLike) -> NDArray[np.float64]:
+        """Variance of the photon noise at a level (image units), or at several."""
+        beyond = np.maximum(np.subtract(signal, self.offset), 0.0)
+        return np.asarray(0.0 * beyond if self.gain is None else beyond / self.gain)
 
     def power(
-        self, response: NDArray[np.float64], signal: float, white: NDArray[np.float64] | float = 1.0
+        self, response: NDArray[np.float64], signal: ArrayLike, white: NDArray[np.float64] | float = 1.0
     ) -> NDArray[np.float64]:
         """Mean power at frequencies where the imager has the squared response |L|^2: only photon noise is coloured.
 
+        Of several signals (...), one after the other: (..., *response.shape).
+
         `white` is what white noise of variance 1 has there, if not 1 (`psflut.spectrum.Annuli.white`).
         """
-        return np.asarray(self.read**2 * white + response * self.shot_variance(signal))
+        return np.asarray(self.read**2 * white + np.multiply.outer(self.shot_variance(signal), response))
 
     def with_quantisation(self, bits: int) -> "Noise":
         """The same with the rounding to 2^bits levels added, a uniform error of variance step^2 / 12."""

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from psflut.imagers import Imager
 from psflut.noise import Noise
@@ -84,25 +84,39 @@ class Problem:
 
     @property
     def mean_level(self) -> float:
-        """Mean signal before the imager, on which photon noise depends; half of full scale where the imager
-        hides it."""
-        return 0.5 if self.imager.signed else float(self.image.mean())
+        """Mean signal before the imager, on which photon noise depends."""
+        return float(mean_level(self.image, self.imager))
 
     @property
     def is_flat(self) -> bool:
-        """Whether the patch's power is what its noise alone would have.
-
-        Noise of known power has, over all annuli, sum n_k (P_k / N_k - 1) of mean zero and variance sum n_k.
-        """
-        rings = annuli(self.shape)
-        floor = self.noise.power(_response(self.imager, self.shape), self.mean_level, rings.white)
-        excess = rings.effective * (self.power / floor - 1)
-        return bool(excess.sum() < TEXTURE_SIGMAS * np.sqrt(rings.effective.sum()))
+        """Whether the patch's power is what its noise alone would have."""
+        return bool(is_flat(self.power, self.noise, self.mean_level, self.imager, self.shape))
 
     @property
     def is_saturated(self) -> bool:
         """Whether too many pixels are at exactly full scale."""
-        return bool(np.mean(self.image == 1.0) >= SATURATED_SHARE)
+        return bool(is_saturated(self.image))
+
+
+def mean_level(images: NDArray[np.floating], imager: Imager) -> Floats:
+    """(...) mean signal of patches (..., H, W) before the imager; half of full scale where the imager hides it."""
+    return np.full(images.shape[:-2], 0.5) if imager.signed else np.asarray(images.mean(axis=(-2, -1)), dtype=float)
+
+
+def is_flat(power: Floats, noise: Noise, level: ArrayLike, imager: Imager, shape: tuple[int, int]) -> NDArray[np.bool_]:
+    """(...) whether patches of that power (..., K) and mean level (...) show no more than their noise.
+
+    Noise of known power has, over all annuli, sum n_k (P_k / N_k - 1) of mean zero and variance sum n_k.
+    """
+    rings = annuli(shape)
+    floor = noise.power(_response(imager, shape), level, rings.white)
+    excess = np.sum(rings.effective * (power / floor - 1), axis=-1)
+    return np.asarray(excess < TEXTURE_SIGMAS * np.sqrt(rings.effective.sum()))
+
+
+def is_saturated(images: NDArray[np.floating]) -> NDArray[np.bool_]:
+    """(...) whether too many pixels of patches (..., H, W) are at exactly full scale."""
+    return np.asarray(np.mean(images == 1.0, axis=(-2, -1)) >= SATURATED_SHARE)
 
 
 @lru_cache(maxsize=8)

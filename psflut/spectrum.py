@@ -83,8 +83,8 @@ class Annuli:
         """Average over each annulus of the whole plane: (..., H, W // 2 + 1) -> (..., K)."""
         index, count = self.index.ravel(), len(self.frequency)
         flat = (power * once(self.shape)).reshape(-1, len(index))
-        sums = np.stack([np.bincount(index, weights=row, minlength=count + 1)[:count] for row in flat])
-        return np.asarray((sums / self.bins).reshape(*power.shape[:-2], count))
+        sums = np.array([np.bincount(index, weights=row, minlength=count + 1)[:count] for row in flat])
+        return np.asarray(sums.reshape(*power.shape[:-2], count) / self.bins)
 
     @cached_property
     def bins(self) -> Floats:

@@ -89,8 +89,7 @@ def spread(
     order = np.argsort(places)
 
     def total(even: Floats) -> Floats:
-        parts = along(table, even), np.interp(even, places[order], sd[order])
-        return np.asarray(np.minimum(np.linalg.norm(parts, axis=0), np.ptp(bank.even)))
+        return np.hypot(along(table, even), np.interp(even, places[order], sd[order]))
 
     return total
 

@@ -49,9 +49,12 @@ FLOORS = [  # from the roof to the cellar; a module imports from lower floors on
     {"psflut.edgeshape"},
     {"psflut.edges"},
     {"psflut.laplace"},
-    {"psflut.newton"},
     {"psflut.evidence", "psflut.restore", "psflut.focus", "psflut.density", "psflut.lines", "psflut.covariance"},
-    {"psflut.curves"},
+    {"psflut.tabulated"},
+    {"psflut.kernels.exploring"},
+    {"psflut.kernels.climbing", "psflut.kernels.curves"},
+    {"psflut.kernels.algebra", "psflut.kernels.elementary"},
+    {"psflut.kernels"},
     {"psflut.texture", "psflut.spectrum"},
     {"psflut.summary", "psflut.capture", "psflut.store"},
     {"psflut.layout"},
@@ -68,7 +71,7 @@ FLOORS = [  # from the roof to the cellar; a module imports from lower floors on
 DOORS = {
     "zarr": {"psflut.store", "psflut.results", "psflut.frames", "psflut.mapfiles"},
     "emcee": {"psflut.chain"},
-    "numba": {"psflut.curves", "psflut.newton"},
+    "numba": {"psflut.kernels"},
     "matplotlib": {"psflut.plots"},
     "jinja2": {"psflut.reporting"},
 }

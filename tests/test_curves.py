@@ -4,7 +4,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import find_peaks
 
-from psflut import curves
+from psflut.kernels import curves
 
 
 def test_the_spline_is_scipys():
@@ -24,4 +24,6 @@ def test_modes_are_the_peaks_that_stand_out():
         peaks, found = find_peaks(np.pad(values, 1), height=1e-3, prominence=0, plateau_size=1)
         own = peaks[found["prominences"] >= 0.5 * found["peak_heights"]] - 1
         cuts = [a + int(np.argmin(values[a:b])) for a, b in zip(own[:-1], own[1:], strict=True)]
-        np.testing.assert_array_equal(curves.borders(values, 1e-3, 0.5), [0, *cuts, 299])
+        first = np.zeros(2, np.int64)
+        np.testing.assert_array_equal(curves.modes(values[None], 1e-3, 0.5, first), [0, *cuts, 299])
+        assert first[1] == len(cuts) + 2

@@ -1,0 +1,46 @@
+"""Compiled: exponentials and logarithms of many numbers at once, by polynomials that processors take four at a time.
+
+A power of two is put together, or taken apart, in the bits of a number: ``bits`` is an array of integers and ``number``
+the same memory read as numbers. Relative errors are below 1e-12, where 1e-6 would do.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from psflut.kernels import compiled
+
+Floats = NDArray[np.float64]
+Bits = NDArray[np.int64]
+
+LN2, FARTHEST = 0.6931471805599453, 700.0
+MANTISSA, BIAS = 52, 1023
+ROOT_HALF = 0x3FE6A09E667F3BCD
+"""Bits of the root of one half: numbers are taken apart so that what is left lies within a root of two of 1."""
+
+
+@compiled
+def exponentials(values: Floats, out: Floats, bits: Bits, number: Floats) -> None:
+    """e to each value, values beyond `FARTHEST` counting as that."""
+    for k in range(len(values)):
+        x = min(max(values[k], -FARTHEST), FARTHEST)
+        power = np.floor(x / LN2 + 0.5)
+        r = x - power * LN2
+        high = 1 / 720 + r * (1 / 5040 + r * (1 / 40320 + r * (1 / 362880 + r / 3628800)))
+        out[k] = 1 + r * (1 + r * (1 / 2 + r * (1 / 6 + r * (1 / 24 + r * (1 / 120 + r * high)))))
+        bits[k] = (np.int64(np.int32(power)) + BIAS) << MANTISSA
+    for k in range(len(values)):
+        out[k] *= number[k]
+
+
+@compiled
+def logarithms(values: Bits, out: Floats, bits: Bits, number: Floats) -> None:
+    """The natural logarithm of positive numbers, given by their bits."""
+    for k in range(len(values)):
+        power = (values[k] - ROOT_HALF) >> MANTISSA
+        bits[k] = values[k] - (power << MANTISSA)
+        out[k] = np.float64(np.int32(power)) * LN2
+    for k in range(len(values)):
+        s = (number[k] - 1.0) / (number[k] + 1.0)
+        t = s * s
+        series = 1 / 3 + t * (1 / 5 + t * (1 / 7 + t * (1 / 9 + t * (1 / 11 + t / 13))))
+        out[k] += 2 * s + 2 * s * t * series

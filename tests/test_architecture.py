@@ -34,7 +34,7 @@ FLOORS = [  # from the roof to the cellar; a module imports from lower floors on
     {"calib.planes"},
     {"calib.targets", "calib.manifest", "calib.photons"},
     {"calib.pupil_fit", "calib.alignment", "calib.noise_target"},
-    {"calib.radial", "calib.rings", "calib.superresolution", "calib.unfilter"},
+    {"calib.radial", "calib.rings", "calib.superresolution", "calib.unfilter", "calib.unfolding"},
     {"calib.registration", "calib.known_scene"},
     {"calib.polar"},
     {"psflut.estimators"},

@@ -33,6 +33,14 @@ def fine_psf(distance: float) -> Floats:
 
 
 @cache
+def bare_psf(distance: float) -> Floats:
+    """Not yet integrated over a fine pixel: a scene that is given by its means over fine pixels is so already."""
+    psf = fine_psf(distance)
+    part = np.sinc(fft.fftfreq(len(psf)))[:, None] * np.sinc(fft.rfftfreq(len(psf)))
+    return np.asarray(fft.irfft2(fft.rfft2(psf) / part, psf.shape))
+
+
+@cache
 def truth(distance: float) -> Floats:
     """On the camera's own pixels."""
     return Pupil()(LENS, distance, SIZE)
@@ -67,7 +75,7 @@ def edges(distance: float, rng: np.random.Generator) -> Shot:
 
 def blurred(scene: Floats, distance: float) -> Floats:
     """What a fine scene with a margin looks like on the camera's pixels, the margin cut off."""
-    picture = signal.oaconvolve(scene, fine_psf(distance), mode="same")
+    picture = signal.oaconvolve(scene, bare_psf(distance), mode="same")
     whole = picture.reshape(SIDE + 2 * MARGIN, FINE, SIDE + 2 * MARGIN, FINE).mean(axis=(1, 3))
     return np.asarray(whole[MARGIN:-MARGIN, MARGIN:-MARGIN])
 

@@ -35,7 +35,8 @@ class Assessment:
     model : bool
         Whether the pupil model is compared with the measured course.
     planes : int or None
-        Of the finished table, by the model, where that explains the frames as well; None: one a position.
+        Of the finished table, by the model or by it and the measured course, where that explains the frames best; None:
+        one a position.
     """
 
     placement: float | None = None
@@ -65,8 +66,8 @@ class Assessment:
         if self.model and lens is not None:
             answer = verdict(table, measurements, lens)
             check["model"] = answer
-            if self.planes is not None and answer["better"] == "pupil":
-                table = fill(table, lens, self.planes)
+            if self.planes is not None and answer["better"] != "course":
+                table = fill(table, lens, self.planes, measured=answer["better"] == "both")
                 check |= facts(found._replace(gap=np.zeros_like(found.gap)), table.kind)
         return replace(table, check={**check, "ranges": ranges(table)})
 

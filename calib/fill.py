@@ -1,4 +1,4 @@
-"""The pupil model against the measured course: which explains the frames better, and a table filled by the model."""
+"""The pupil model against the measured course: which explains the frames better, and a table filled by it or both."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -19,26 +19,26 @@ LEAST = 7
 
 
 def verdict(table: PSFTable, measurements: Sequence[Measurement], lens: Lens) -> dict[str, Any]:
-    """Which predicts PSFs better at positions that neither saw: JSON with the lens' numbers, lengths in metres.
+    """Which predicts PSFs best at positions that none saw: JSON with the lens' numbers, lengths in metres.
 
-    Every second inner position is predicted by the course of all others, and by a lens that is fitted to the other
-    half. ``chi_square`` is the mean squared difference over the window in the measured standard errors; 1 is the
-    measured noise alone.
+    Every second inner position is predicted by the course of all others, by a lens that is fitted to the other
+    half, and by both together (`between`). ``chi_square`` is the mean squared difference over the window in the
+    measured standard errors; 1 is the measured noise alone.
     """
     left, axis = range(1, len(table.axis) - 1, 2), table.axis
     kept = [k for k in range(len(axis)) if k not in left]
     half = fit_lens(table.even(axis[kept]), table.psf[kept], _errors(table)[kept], lens)
-    by_lens = half.at(table.even(axis[list(left)]), table.size)
     rows = []
-    for k, predicted in zip(left, by_lens, strict=True):
+    for k in left:
         others = [n for n in range(len(axis)) if n != k]
-        course = table_of(axis[others], table.kind, [measurements[n] for n in others], table.pixel_pitch).at(axis[k])
+        course = table_of(axis[others], table.kind, [measurements[n] for n in others], table.pixel_pitch)
+        guesses = (course.at(axis[k]), half.at(table.even(axis[[k]]), table.size)[0], between(course, half, axis[k])[0])
         noise = np.mean(measurements[k].std ** 2)
-        rows.append([np.mean((measurements[k].psf - each) ** 2) / noise for each in (course, predicted)])
-    by_course, by_pupil = (float(each) for each in np.median(rows, axis=0))
+        rows.append([np.mean((measurements[k].psf - each) ** 2) / noise for each in guesses])
+    squares = dict(zip(("course", "pupil", "both"), (float(each) for each in np.median(rows, axis=0)), strict=True))
     return {
-        "better": "pupil" if by_pupil <= by_course else "course",
-        "chi_square": {"course": by_course, "pupil": by_pupil},
+        "better": min(("pupil", "both", "course"), key=squares.__getitem__),
+        "chi_square": squares,
         "focus_m": float(table.position(lens.focus)) if table.kind == "stage" or lens.focus > 0 else None,
         "slope_px": lens.slope,
         "sampling": lens.sampling,
@@ -47,22 +47,46 @@ def verdict(table: PSFTable, measurements: Sequence[Measurement], lens: Lens) ->
     }
 
 
-def fill(table: PSFTable, lens: Lens, planes: int) -> PSFTable:
-    """The lens' table of `planes` positions, even in the coordinate of interpolation, over the same span.
+def between(table: PSFTable, lens: Lens, positions: Floats) -> Floats:
+    """PSFs (M, K, K) at positions (M,): a table's, plus what interpolation misses there of the lens' own course.
 
-    Its standard errors are what it misses of the measured course, in every ring about the centre, and the course's own.
+    So the lens is the mean course, and the spline follows only what measured planes show besides it, which is slow.
     """
-    even = table.even(table.axis)
+    positions = np.atleast_1d(positions)
+    model = replace(table, psf=lens.at(table.even(table.axis), table.size), psf_std=None)
+    missed = lens.at(table.even(positions), table.size) - model.at(positions)
+    light = np.maximum(table.at(positions) + missed, 0.0)
+    return np.asarray(light / light.sum(axis=(1, 2), keepdims=True))
+
+
+def fill(table: PSFTable, lens: Lens, planes: int, measured: bool) -> PSFTable:
+    """A table of `planes` positions, even in the coordinate of interpolation, over the same span.
+
+    By the lens alone, or with what is `measured` besides (`between`). Standard errors are the course's own, and of the
+    lens alone also what it misses of the measured course, in every ring about the centre.
+
+    Noiseless tables of 0.95 to 4.5 m (f/2, 16 mm, pixels of 6 um; of 20 planes the last are 0.64 waves of defocus
+    apart), read by the point method at 2.6 to 4.4 m: largest error in steps of the table, with 20 and with 14 planes.
+
+    | aberrations | as it is | filled by the lens | by both |
+    |---|---|---|---|
+    | none | 0.138, 0.123 | 0.014, 0.013 | 0.011, 0.010 |
+    | spherical, +0.2 waves | 0.074, 0.093 | 0.007, 0.004 | 0.003, 0.001 |
+    | spherical, -0.2 | 0.167, 0.142 | 0.028, 0.023 | 0.022, 0.019 |
+    | astigmatism 0.2, coma 0.15, which the lens lacks | 0.102, 0.138 | 0.234, 0.160 | 0.021, 0.007 |
+    """
     axis = table.candidates(planes)
+    even, new = table.even(table.axis), table.even(axis)
     across = np.arange(table.size) - table.size // 2
     ring = np.hypot(across[:, None], across).round().astype(int).ravel()
-    missed = (table.psf - lens.at(even, table.size)) ** 2 + _errors(table) ** 2
-    sums = np.stack([np.bincount(ring, plane.ravel()) for plane in missed])
+    missed = np.zeros_like(table.psf) if measured else table.psf - lens.at(even, table.size)
+    sums = np.stack([np.bincount(ring, plane.ravel()) for plane in missed**2 + _errors(table) ** 2])
     rings = np.sqrt(sums / np.bincount(ring))[:, ring].reshape(missed.shape)
-    order, new = np.argsort(even), table.even(axis)
+    order = np.argsort(even)
     std = np.apply_along_axis(lambda values: np.interp(new, even[order], values[order]), 0, rings)
     place = None if table.axis_std is None else np.interp(new, even[order], table.axis_std[order])
-    return replace(table, axis=axis, psf=lens.at(new, table.size), psf_std=std, axis_std=place)
+    psf = between(table, lens, axis) if measured else lens.at(new, table.size)
+    return replace(table, axis=axis, psf=psf, psf_std=std, axis_std=place)
 
 
 def _errors(table: PSFTable) -> Floats:

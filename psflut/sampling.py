@@ -60,5 +60,6 @@ def advice(table: PSFTable) -> str | None:
     first, last = (format_length(float(table.axis[k])) for k in (wrong[0], wrong[-1] + 1))
     return (
         f"planes between {first} and {last} are up to {waves[wrong].max():.2f} waves of defocus apart, more than half "
-        f"a wave so near focus: distances between them are less sure there; use {planes} planes"
+        f"a wave so near focus: distances between them are less sure there; use {planes} planes, "
+        "or let a fitted lens fill them in (psflut calibrate --model pupil --planes N)"
     )

@@ -115,11 +115,12 @@ def _spans(spans: Sequence[Sequence[float]]) -> str:
 
 def _model(model: Mapping[str, Any]) -> str:
     square = model["chi_square"]
-    better = {"pupil": "the pupil model", "course": "the measured course"}[model["better"]]
+    names = {"pupil": "the pupil model", "both": "the model with the course", "course": "the measured course"}
+    better, beside = names[model["better"]], f", {square['both']:.3g} of both" if "both" in square else ""
     focus = "beyond infinity" if model["focus_m"] is None else f"at {format_length(model['focus_m'])}"
     lens = f"focus {focus}, {model['spherical_waves']:+.3f} waves of spherical aberration"
-    squares = f"chi-square {square['pupil']:.3g} of the model, {square['course']:.3g} of the course"
-    return f"{better} explains held-out PSFs better: {squares}; {lens}"
+    squares = f"chi-square {square['pupil']:.3g} of the model, {square['course']:.3g} of the course{beside}"
+    return f"{better} explains held-out PSFs best: {squares}; {lens}"
 
 
 def _noise(facts: Mapping[str, Any]) -> str:

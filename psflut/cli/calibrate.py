@@ -38,7 +38,8 @@ def run(
         str | None, typer.Option(help="pupil: also fit wave optics, and say which explains the frames better.")
     ] = None,
     planes: Annotated[
-        int | None, typer.Option(help="With --model: so many planes, filled by it where it is no worse.")
+        int | None,
+        typer.Option(help="With --model: so many planes, filled by it, or it and the frames, where that is best."),
     ] = None,
     modes: Annotated[
         int | None, typer.Option(help="Also keep so many modes of how points differ; rows name them by x and y.")

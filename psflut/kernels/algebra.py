@@ -16,8 +16,10 @@ STRIDE = 16
 
 
 @compiled
-def combined(weight: Floats, rows: Floats, out: Floats) -> None:
-    """Add to `out` (n,) the rows (K, n), each times its weight; K is a multiple of 4."""
+def combined(start: Floats, weight: Floats, rows: Floats, out: Floats) -> None:
+    """Fill `out` (n,) with `start` and the rows (K, n), each times its weight; K is a multiple of 4."""
+    for m in range(len(out)):
+        out[m] = start[m]
     for k in range(0, len(weight), 4):
         a, b, c, d = weight[k], weight[k + 1], weight[k + 2], weight[k + 3]
         for m in range(len(out)):

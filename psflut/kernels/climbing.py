@@ -74,6 +74,7 @@ class Room(NamedTuple):
     bits: Bits
     number: Floats
     mean_bits: Bits
+    pull: Floats
     gradient: Floats
     step: Floats
     factor: Floats
@@ -86,7 +87,8 @@ def room(model: Model) -> Room:
     log_scene, scene, log_mean, slope, weight, held = np.zeros((6, annuli))
     number, mean = bits.view(np.float64), mean_bits.view(np.float64)
     over = log_scene, scene, mean, log_mean, slope, weight, held, bits, number, mean_bits
-    return Room(*over, np.zeros(model.functions.shape[1]), np.zeros(terms), np.zeros(len(model.packed)))
+    pull, gradient = np.zeros((2, model.functions.shape[1]))
+    return Room(*over, pull, gradient, np.zeros(terms), np.zeros(len(model.packed)))
 
 
 def climb_all(patches: Patch, model: Model, theta: Floats, log_evidence: Floats) -> None:
@@ -109,8 +111,7 @@ def climb(patch: Patch, attenuation: Floats, model: Model, theta: Floats, best: 
     spectrum(model.basis, theta, room.log_scene)
     for _ in range(NEWTON_STEPS):
         value, exact = derivatives(patch, attenuation, model, theta, room)
-        room.factor[:] = model.packed
-        combined(room.held, model.products, room.factor)
+        combined(model.packed, room.held, model.products, room.factor)
         log_determinant = factorise(room.factor, room.gradient, len(theta))
         gain = 0.0
         for j in range(len(theta)):
@@ -128,10 +129,9 @@ def climb(patch: Patch, attenuation: Floats, model: Model, theta: Floats, best: 
         for k in range(len(room.slope)):
             room.log_scene[k] += pace * room.slope[k]
     if not exact:
-        room.factor[:] = model.packed
-        combined(room.weight, model.products, room.factor)
+        combined(model.packed, room.weight, model.products, room.factor)
         own = factorise(room.factor, room.gradient, len(theta))
-        log_determinant = log_determinant if np.isnan(own) else own
+        log_determinant = own if own == own else log_determinant  # NaN where it is not positive
     return value + gain / 2 - log_determinant / 2
 
 
@@ -158,22 +158,21 @@ def derivatives(patch: Patch, attenuation: Floats, model: Model, theta: Floats, 
         held = max(weight, LEAST_CURVATURE * information * part)
         negative += held - weight
         room.slope[k], room.weight[k], room.held[k] = slope, weight, held
-    gradient = room.gradient
-    gradient[:] = 0.0
     for j in range(len(theta)):
         pull = 0.0
         for i in range(len(theta)):
             pull += model.precision[j, i] * (theta[i] - model.mean[i])
         value -= 0.5 * pull * (theta[j] - model.mean[j])
-        gradient[j] = -pull
-    combined(room.slope, model.functions, gradient)
+        room.pull[j] = -pull
+    combined(room.pull, room.slope, model.functions, room.gradient)
     return value, negative == 0.0
 
 
 @compiled
 def spectrum(basis: Floats, theta: Floats, out: Floats) -> None:
     """The sum of the basis functions, each times its coefficient."""
-    out[:] = 0.0
+    for k in range(len(out)):
+        out[k] = 0.0
     for j in range(len(theta)):
         for k in range(len(out)):
             out[k] += basis[j, k] * theta[j]

@@ -82,16 +82,26 @@ def explore(
     `found` is filled or, where it is not empty, worked out anew with shapes that count for a share (B,) below 1. Power
     and noise are (B, K), `start` the (B, J) coefficients at the nearest end of the grid.
     """
-    _explore(power, noise, share, start, model, found, surprise, climbing.room(model))
+    shape, four, part = share[:, None] * model.shape, np.zeros(4, np.int64), np.zeros(4)
+    _explore(power, noise, shape, share, start, model, found, surprise, climbing.room(model), four, part)
 
 
 @compiled
 def _explore(
-    power: Floats, noise: Floats, share: Floats, start: Floats, model: Model, found: Found, surprise: float, room: Room
+    power: Floats,
+    noise: Floats,
+    shape: Floats,
+    share: Floats,
+    start: Floats,
+    model: Model,
+    found: Found,
+    surprise: float,
+    room: Room,
+    four: Places,
+    part: Floats,
 ) -> None:
-    four, part = np.zeros(4, np.int64), np.zeros(4)
     for b in range(len(power)):
-        patch = Patch(power[b], noise[b], share[b] * model.shape)
+        patch = Patch(power[b], noise[b], shape[b])
         own = Looked(found.place[b], found.after[b], found.log_evidence[b], found.surprise[b], found.theta[b])
         count = found.seen[b]
         if count == 0:
@@ -114,7 +124,8 @@ def _begin(patch: Patch, start: Floats, own: Looked, model: Model, room: Room) -
     """The ends of `COARSE` equal gaps, each climb starting from its neighbour's; returns the best log evidence."""
     best = -np.inf
     for r in range(COARSE + 1):
-        own.theta[r] = start if r == 0 else own.theta[r - 1]
+        for j in range(len(start)):
+            own.theta[r, j] = start[j] if r == 0 else own.theta[r - 1, j]
         own.place[r], own.after[r], own.surprise[r] = r * PLACES // COARSE, r + 1, np.inf
         own.log_evidence[r] = climb(patch, model.attenuation[own.place[r]], model, own.theta[r], best, room)
         best = max(best, own.log_evidence[r])
@@ -168,7 +179,8 @@ def _refine(
             place[new] = place[r] + gap // 2
             _cubic(place[new], r if before < 0 else before, place, after, four, part)
             expected = 0.0
-            theta[new] = 0.0
+            for j in range(theta.shape[1]):
+                theta[new, j] = 0.0
             for i in range(4):
                 expected += part[i] * log[four[i]]
                 for j in range(theta.shape[1]):
@@ -186,13 +198,12 @@ def _refine(
 def _cubic(x: int, first: int, place: Places, after: Places, four: Places, part: Floats) -> None:
     """The points about a gap, four from the `first` on or as many as there are, and their shares in the polynomial
     through them at x (Lagrange's)."""
-    part[:] = 0.0
     count, point = 0, first
-    while count < 4 and point >= 0:
-        four[count] = point
-        point = after[point]
-        count += 1
-    four[count:] = first
+    for i in range(4):
+        part[i], four[i] = 0.0, first
+        if point >= 0:
+            four[i], count = point, count + 1
+            point = after[point]
     for i in range(count):
         part[i] = 1.0
         for j in range(count):

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import fft
 
-from psflut import restore
+from psflut import fourier
 from psflut.estimation import Problem
 from psflut.fourier import once, phase, slopes, transfer
 from psflut.spectrum import annuli
@@ -102,7 +102,7 @@ class Crossing:
     @cached_property
     def grid(self) -> tuple[int, int]:
         """Shape of the periodic grid."""
-        return restore.padded_shape(self.first.shape, GAP)
+        return fourier.padded_shape(self.first.shape, GAP)
 
     @cached_property
     def taper(self) -> Floats:
@@ -171,7 +171,7 @@ class Crossing:
     def spectra(self) -> tuple[Spectrum, Spectrum]:
         """Of both images about their means, the first moved by the shift."""
         one, two = (
-            fft.rfft2(restore.continued(each.image - each.image.mean(), self.grid))
+            fft.rfft2(fourier.continued(each.image - each.image.mean(), self.grid))
             for each in (self.first, self.second)
         )
         return (one * phase(self.grid, self.shift)).astype(np.complex64), two.astype(np.complex64)

@@ -32,6 +32,26 @@ def transfer(kernel: NDArray[np.floating], shape: tuple[int, int]) -> NDArray[np
     return np.asarray(fft.rfft2(np.roll(padded, (-(size // 2), -(size // 2)), axis=(-2, -1))))
 
 
+def padded_shape(shape: tuple[int, ...], margin: int) -> tuple[int, int]:
+    """Grid for an image of that shape and `margin` or more pixels on each side, quick to transform."""
+    down, across = (fft.next_fast_len(n + 2 * margin, real=True) for n in shape)
+    return down, across
+
+
+def continued(image: NDArray[np.floating], shape: tuple[int, int]) -> NDArray[np.floating]:
+    """The image at the origin of a periodic grid, mirrored beyond both ends, each fading into the other."""
+    for axis, total in enumerate(shape):
+        side = image.shape[axis]
+        gap = total - side
+        fade = 0.5 - 0.5 * np.cos(np.pi * (np.arange(gap) + 0.5) / max(gap, 1)).astype(image.dtype)
+        inside = np.arange(side)
+        after = np.take(image, np.pad(inside, (0, gap), mode="symmetric")[side:], axis)
+        before = np.take(image, np.pad(inside, (gap, 0), mode="symmetric")[:gap], axis)
+        bridge = after + (before - after) * (fade[:, None] if axis == 0 else fade)
+        image = np.concatenate([image, bridge], axis)
+    return image
+
+
 def slopes(grid: tuple[int, int]) -> NDArray[np.complexfloating]:
     """(2, H, W // 2 + 1) derivatives of a shifted image by its shift, down and across, at each frequency."""
     height, width = grid

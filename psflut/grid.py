@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from psflut import evidence, restore, texture
+from psflut import evidence, fourier, restore, texture
 from psflut.candidates import solve
 from psflut.density import Density
 from psflut.estimation import Problem
@@ -82,7 +82,7 @@ def restored(problem: Problem, found: Grid, distance: float) -> Floats:
     of the ideal image and is not undone.
     """
     theta = found.scene_at(float(problem.table.even(distance)))
-    shape = restore.padded_shape(problem.shape, problem.table.size)
+    shape = fourier.padded_shape(problem.shape, problem.table.size)
     # Below the patch's own annuli theta says nothing: polynomials run off to any height there.
     frequency = np.hypot(fft.fftfreq(shape[0])[:, None], fft.rfftfreq(shape[1]))
     frequency = np.maximum(frequency, annuli(problem.shape).frequency[0])

@@ -17,33 +17,14 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import fft, signal
 
 from psflut.errors import PsflutError
-from psflut.fourier import transfer
+from psflut.fourier import continued, padded_shape, transfer
+from psflut.reblur import blur
 
 Reals = NDArray[np.floating]
 Spectrum = NDArray[np.complexfloating]
 
 NOISE_SIGMAS = 6.0  # below zero, from which an image is signed rather than noisy
 LEAST = 0.01  # share of its light inside the image below which a scene pixel is left as it is
-
-
-def padded_shape(shape: tuple[int, ...], margin: int) -> tuple[int, int]:
-    """Grid for an image of that shape and `margin` or more pixels on each side, quick to transform."""
-    down, across = (fft.next_fast_len(n + 2 * margin, real=True) for n in shape)
-    return down, across
-
-
-def continued(image: Reals, shape: tuple[int, int]) -> Reals:
-    """The image at the origin of a periodic grid, mirrored beyond both ends, each fading into the other."""
-    for axis, total in enumerate(shape):
-        side = image.shape[axis]
-        gap = total - side
-        fade = 0.5 - 0.5 * np.cos(np.pi * (np.arange(gap) + 0.5) / max(gap, 1)).astype(image.dtype)
-        inside = np.arange(side)
-        after = np.take(image, np.pad(inside, (0, gap), mode="symmetric")[side:], axis)
-        before = np.take(image, np.pad(inside, (gap, 0), mode="symmetric")[:gap], axis)
-        bridge = after + (before - after) * (fade[:, None] if axis == 0 else fade)
-        image = np.concatenate([image, bridge], axis)
-    return image
 
 
 def wiener_filter(otf: Spectrum, noise_to_signal: ArrayLike) -> Spectrum:
@@ -129,15 +110,19 @@ def richardson_lucy(
     image, psf = _checked(image, psf, positive=True)
     first = np.full_like(image, image.mean()) if start is None else np.asarray(start, image.dtype)
     first, _ = _checked(first, psf, positive=True)
-    grid = padded_shape(image.shape, len(psf) // 2)
-    otf = transfer(psf, grid)
-    seen = _correlated(_weight(image, grid), otf, grid)
-    path = _Path(continued(first, grid))
-    for _ in range(iterations):
+    reblur = blur(psf, (image.shape[0], image.shape[1]))
+    seen = reblur.pulled(np.ones_like(image))
+    unseen = np.asarray(seen <= LEAST, image.dtype)
+    share = (1 - unseen) / np.maximum(seen, LEAST)
+    path = _Path(reblur.laid(first))
+    for _ in range(iterations):  # in place: new arrays of this size cost half a transform each
         guess = path.prediction() if acceleration else path.now
-        ratio = _ratio(image, fft.irfft2(fft.rfft2(guess) * otf, grid), filter_epsilon)
-        path = path.moved(guess, guess * _share(_correlated(fft.rfft2(ratio), otf, grid), seen))
-    return path.now[: image.shape[0], : image.shape[1]]
+        now = reblur.pulled(_ratio(image, reblur.seen(guess), filter_epsilon))
+        now *= share
+        now += unseen
+        now *= guess
+        path = path.moved(guess, now) if acceleration else _Path(now)
+    return reblur.cut(path.now)
 
 
 def blind_richardson_lucy(
@@ -177,7 +162,8 @@ def blind_richardson_lucy(
     for _ in range(iterations):
         guess, blur = (path.prediction() if acceleration else path.now for path in (scene, spot))
         spectrum, otf = fft.rfft2(guess), transfer(blur / blur.sum(), grid)
-        ratio = np.stack([fft.rfft2(_ratio(image, fft.irfft2(spectrum * otf, grid))), weight])
+        reblurred = fft.irfft2(spectrum * otf, grid)[: image.shape[0], : image.shape[1]]
+        ratio = np.stack([fft.rfft2(_ratio(image, reblurred), grid), weight])
         gain, seen = _correlated(ratio, otf, grid)
         scene = scene.moved(guess, guess * _share(gain, seen))
         gain, seen = _central(_correlated(ratio, spectrum, grid), size)
@@ -235,12 +221,13 @@ def _weight(image: Reals, grid: tuple[int, int]) -> Spectrum:
 
 
 def _ratio(image: Reals, reblurred: Reals, filter_epsilon: float = 0.0) -> Reals:
-    """image / reblurred on the grid of `reblurred`, 0 beyond the image; no division by mere rounding."""
-    ratio = np.zeros_like(reblurred)
-    inside = reblurred[: image.shape[0], : image.shape[1]]
-    floor = np.finfo(image.dtype).eps * image.max()
-    ratio[: image.shape[0], : image.shape[1]] = image / np.maximum(inside, floor) * (inside >= filter_epsilon)
-    return ratio
+    """image / reblurred in the place of `reblurred`; no division by mere rounding."""
+    dark = reblurred < filter_epsilon if reblurred.min() < filter_epsilon else None
+    np.maximum(reblurred, np.finfo(image.dtype).eps * image.max(), out=reblurred)
+    np.divide(image, reblurred, out=reblurred)
+    if dark is not None:
+        reblurred[dark] = 0
+    return reblurred
 
 
 def _share(gain: Reals, seen: Reals) -> Reals:

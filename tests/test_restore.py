@@ -7,7 +7,7 @@ from scipy import fft, ndimage
 from skimage import restoration
 from skimage.restoration import uft
 
-from psflut import restore
+from psflut import fourier, restore
 from psflut.errors import PsflutError
 
 # --- what is shared
@@ -16,10 +16,10 @@ from psflut.errors import PsflutError
 @pytest.mark.parametrize("shape", [(20, 31), (9, 9)])
 def test_an_image_is_continued_without_a_seam(shape):
     rows = np.linspace(1, 4, shape[0])[:, None] * np.linspace(0.5, 1, shape[1])
-    grid = restore.padded_shape(shape, 9)
+    grid = fourier.padded_shape(shape, 9)
     for total, side in zip(grid, shape, strict=True):
         assert fft.next_fast_len(total, real=True) == total >= side + 18
-    around = restore.continued(rows, grid)
+    around = fourier.continued(rows, grid)
     np.testing.assert_array_equal(around[: shape[0], : shape[1]], rows)
     steps = [abs(np.diff(around, axis=axis, append=around.take([0], axis))).max() for axis in (0, 1)]
     assert max(steps) < 0.5  # the jump from end to end is 3
@@ -53,7 +53,7 @@ def test_wiener_equals_scikit_image(big):
     """On the continued image, where the two border rules are one; the regulariser there is a Laplacian."""
     psf = gaussian(1.5, 9, stretch=1.4, shift=1.0)
     _, image = capture(big, psf, 0.01)
-    around = restore.continued(image, restore.padded_shape(image.shape, 9))
+    around = fourier.continued(image, fourier.padded_shape(image.shape, 9))
     laplacian, _ = uft.laplacian(2, around.shape)
     theirs = restoration.wiener(around, psf, 0.1, clip=False)[: image.shape[0], : image.shape[1]]
     ours = restore.wiener(image, psf, 0.1 * abs(laplacian) ** 2)
@@ -63,7 +63,7 @@ def test_wiener_equals_scikit_image(big):
 def test_wiener_with_the_true_ratio_beats_other_ratios():
     """A scene and noise of known spectra, whose least mean square error is then known too."""
     rng, psf, noise = np.random.default_rng(8), gaussian(1.5, 9), 0.05
-    grid = restore.padded_shape((90, 90), 9)
+    grid = fourier.padded_shape((90, 90), 9)
     frequency = np.hypot(fft.fftfreq(grid[0])[:, None], fft.rfftfreq(grid[1]))
     power = 1 / (1e-4 + frequency**2.5)
     scene = fft.irfft2(fft.rfft2(rng.normal(size=grid)) * np.sqrt(power), grid)

@@ -6,7 +6,7 @@ from blurs import capture, gaussian, rms
 from scipy import signal
 from skimage import restoration
 
-from psflut import restore
+from psflut import fourier, restore
 
 # --- Richardson-Lucy
 
@@ -69,7 +69,7 @@ def test_one_blind_step_is_the_textbook_one():
     rng = np.random.default_rng(2)
     image, psf = rng.random((10, 12)) + 0.2, rng.random((3, 3))
     psf /= psf.sum()
-    around = restore.continued(image, restore.padded_shape(image.shape, 1))
+    around = fourier.continued(image, fourier.padded_shape(image.shape, 1))
     scene = np.pad(image, 1)  # room for the pixel beyond each border
     scene[0, 1:-1], scene[-1, 1:-1] = around[-1, :12], around[10, :12]
     scene[1:-1, 0], scene[1:-1, -1] = around[:10, -1], around[:10, 12]

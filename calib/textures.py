@@ -25,7 +25,7 @@ from psflut.files import staged
 from psflut.images import read_image
 from psflut.spectrum import annular_power, annuli
 from psflut.store import read_table
-from psflut.texture import TexturePrior, basis
+from psflut.texture import EVERY, TexturePrior, basis
 
 Floats = NDArray[np.float64]
 
@@ -113,7 +113,7 @@ def learn(groups: Sequence[Spectra], progress: Callable[[int], object] = lambda 
     """The prior on spectra; how far patches are from it is for `calib.gross` to learn."""
     mean, covariance, roughness = fit(groups)
     progress(1)
-    return TexturePrior(mean, free_contrast(covariance), roughness, misfit=np.inf, gross=0.0)
+    return TexturePrior(mean, free_contrast(covariance), roughness, misfit=EVERY, gross=0.0)
 
 
 def main() -> None:

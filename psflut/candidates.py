@@ -97,7 +97,7 @@ def search(power: Floats, noise: Floats, bank: Bank) -> Search:
     patches = filled(power), filled(noise)
     exploring.explore(*patches, np.ones(len(power)), first_guess(power, noise, bank), model, found, LOOSE)
     misfit = _misfit(power, noise, bank, model.attenuation, found)
-    share = evidence.discount(misfit, bank.prior)
+    share = evidence.discount(misfit, bank)
     exploring.explore(*patches, share, model.mean[None], model, found, CLOSE)
 
     ranks = np.minimum(np.arange(found.seen.max(initial=0)), found.seen[:, None] - 1)

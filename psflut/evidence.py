@@ -57,7 +57,7 @@ class Bank:
 
     def under(self, prior: TexturePrior, rings: Annuli) -> "Bank":
         """The same with another prior, for the annuli that it was made for."""
-        shape, terms = prior.shape(rings.effective), basis(rings.frequency, len(prior.mean))
+        shape, terms = prior.shape(rings.effective, rings.place), basis(rings.frequency, len(prior.mean))
         return replace(self, basis=terms, shape=shape, prior=prior)
 
     def at(self, even: ArrayLike) -> Floats:
@@ -93,7 +93,7 @@ def bank(table: PSFTable, shape: tuple[int, int], imager: Imager, prior: Texture
         imager=response,
         white=rings.white,
         basis=basis(rings.frequency, len(prior.mean)),
-        shape=prior.shape(rings.effective),
+        shape=prior.shape(rings.effective, rings.place),
         prior=prior,
     )
 
@@ -124,7 +124,7 @@ def misfit(power: Floats, mean: Floats, shape: Floats) -> Floats:
     return np.asarray(2 * np.mean(shape * (ratio - 1 - np.log(ratio)), axis=-1))
 
 
-def discount(misfit: Floats, prior: TexturePrior) -> Floats:
+def discount(misfit: Floats, bank: Bank) -> Floats:
     """Share at which the shapes of a patch of that misfit count: less where annuli scatter more than is usual.
 
     A scene that the model does not suit (a fence, a few edges) shows it by its misfit at the likeliest distance; the
@@ -134,7 +134,7 @@ def discount(misfit: Floats, prior: TexturePrior) -> Floats:
     0.17. Dividing the log evidence instead gives the same, but is the density of no joint model that a sampler could
     draw from.
     """
-    return np.minimum(1.0, prior.misfit / misfit)
+    return np.minimum(1.0, bank.prior.usual(len(bank.basis)) / misfit)
 
 
 def log_prior(theta: Floats, prior: TexturePrior) -> Floats:

@@ -119,13 +119,14 @@ def _chain(found: Estimate) -> str:
 
 
 def _criticism(found: Estimate) -> str:
-    misfit, usual, seen = found.stats["misfit"], texture.learnt().misfit, found.detail["prediction"]
+    misfit, seen = found.stats["misfit"], found.detail["prediction"]
+    usual = texture.learnt().usual(len(seen.power))
     low, high = np.quantile(seen.replicated, [0.025, 0.975], axis=0)
     outside = np.mean((seen.power < low) | (seen.power > high))
     told = (
-        f"misfit {misfit:.2f}, half of all photographs stay below {usual:.2f}; {outside:.0%} of the annuli lie outside"
+        f"misfit {misfit:.2f}, three in four photographs stay below {usual:.2f}; {outside:.0%} of the annuli lie "
+        "outside the band of 95 %"
     )
-    told += " the band of 95 %"
     if misfit > BEYOND:
         return (
             f"No distance of the table explains this spectrum well ({told}): the object may lie beyond the table, be "

@@ -143,7 +143,7 @@ def of_texture(scenes: Textures, sensor: Sensor) -> Floats:
     out; powers are so nearly normal in the logarithm that what V tells by their variance is left out too.
     """
     bank, prior = scenes.bank, scenes.bank.prior
-    scatter = scenes.scatter(sensor) + prior.roughness**2 * np.eye(len(bank.basis))
+    scatter = scenes.scatter(sensor) + np.diag(prior.unevenness(annuli(scenes.shape).place))
     order = np.argsort(bank.even)
     slopes = CubicSpline(bank.even[order], bank.attenuation[order])(bank.even, 1)
     rows = []

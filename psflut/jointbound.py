@@ -67,7 +67,7 @@ def bound(first: Problem, second: Problem, even: float, theta: Floats, prior: Te
     by_place, by_gain = rings.mean(lengths * share) / rings.mean(share)
     still = np.zeros_like(by_gain)
     change = np.column_stack([by_place, by_gain, still, still, basis(rings.frequency, len(theta))])
-    information += (change.T * (prior.shape(rings.effective) * rings.mean(share) ** 2)) @ change
+    information += (change.T * (prior.shape(rings.effective, rings.place) * rings.mean(share) ** 2)) @ change
     information[4:, 4:] += prior.precision
     return float(np.sqrt(linalg.inv(information)[0, 0]))
 

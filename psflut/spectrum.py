@@ -79,6 +79,11 @@ class Annuli:
     frequency: Floats
     effective: Floats
 
+    @property
+    def place(self) -> Floats:
+        """(K,) frequency in bins of the shorter side."""
+        return self.frequency * min(self.shape)
+
     def mean(self, power: NDArray[np.floating]) -> Floats:
         """Average over each annulus of the whole plane: (..., H, W // 2 + 1) -> (..., K)."""
         index, count = self.index.ravel(), len(self.frequency)

@@ -35,7 +35,7 @@ def powers(lab16mm, lab_patch):
 
 
 def test_the_posterior_is_that_of_a_dense_grid(bank, powers):
-    prior = replace(bank.prior, misfit=np.inf)
+    prior = replace(bank.prior, misfit=texture.EVERY)
     noise = evidence.noise_power(bank, NOISE, 0.5)
     even = np.linspace(bank.even.min(), bank.even.max(), 1500)
     dense = replace(bank, even=even, attenuation=bank.at(even), prior=prior)

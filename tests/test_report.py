@@ -86,7 +86,7 @@ def test_every_section_is_there(made):
         "How to cite",
     ]
     assert set(made.estimates) == {"posterior", "wiener", "blind_rl", "golden_section"}
-    assert "half of all photographs stay below" in made.html
+    assert "three in four photographs stay below" in made.html
 
 
 def test_names_cannot_become_markup(made):

@@ -43,7 +43,7 @@ class Trials:
 
 def drawn(table, count, seed):
     """Trials of a table; no patch is discounted, as all suit the model."""
-    rng, prior = np.random.default_rng(seed), replace(texture.learnt(), misfit=np.inf)
+    rng, prior = np.random.default_rng(seed), replace(texture.learnt(), misfit=texture.EVERY)
     bank = evidence.bank(table, (128, 128), Plain(), prior, 100)
     noise = evidence.noise_power(bank, Noise(SIGMA), 0.0)
     even = rng.uniform(bank.even.min(), bank.even.max(), count)

@@ -11,8 +11,9 @@ import functools
 
 import numpy as np
 import pytest
+from test_two_images import field
 
-from psflut import Observation, Setup, estimate, limits
+from psflut import Observation, Setup, estimate, limits, texture
 from psflut.capture import ideal_image, simulate
 from psflut.imagers.laplacian import Laplacian
 from psflut.noise import Noise
@@ -20,7 +21,7 @@ from psflut.photographs import choose
 
 pytestmark = pytest.mark.benchmark
 DISTANCES = (3.27, 3.43, 3.63, 3.79, 3.91, 4.03, 4.17, 4.31, 4.41)
-SHAPE, READ = (256, 256), Noise(np.sqrt(1e-3))
+SHAPE, READ, FIELDS = (256, 256), Noise(np.sqrt(1e-3)), 80
 
 
 @functools.cache
@@ -58,6 +59,28 @@ def test_errors_against_the_bound(thesis, reading):
     print(f"95 % intervals cover {inside.mean():.1%}")
     assert rms(error) < 1.2 * rms(least)
     assert inside.mean() > 0.9
+
+
+@pytest.mark.parametrize("reading", ["variance", "relative"])
+def test_scenes_of_the_model_itself(thesis, reading):
+    """Gaussian fields with spectra of the texture prior, distances even over the span; bounds for their contrast."""
+    setup = Setup(imager="laplacian:0.2", normalise=True, noise=f"{reading}:1e-3")
+    rng, prior = np.random.default_rng(5), texture.learnt()
+    shots = []
+    for seed in range(FIELDS):
+        scene, distance = field(prior, rng)[0], rng.uniform(*thesis.span)
+        image, noise = simulate(scene, thesis, distance, setup, seed)
+        shots.append((distance, ideal_image(scene, setup).std(), estimate(Observation(image, noise), thesis, "wiener")))
+    distance, contrast = np.array([shot[:2] for shot in shots]).T
+    relative = reading == "relative"
+    told = limits.bound(thesis, SHAPE, READ, Laplacian(0.2), contrast=float(np.median(contrast)), relative=relative)
+    least = np.interp(distance, told.axis, told.within)
+    error = np.array([found.distance for *_, found in shots]) - distance
+    inside = np.mean([found.interval[0] <= z <= found.interval[1] for z, _, found in shots])
+    print(f"\n{reading}:1e-3, {FIELDS} fields of contrast {np.median(contrast):.3f}:", end=" ")
+    print(f"RMSE {100 * rms(error):.1f} cm, {rms(error) / rms(least):.2f} times the bound, 95 % covers {inside:.1%}")
+    assert rms(error) < 1.2 * rms(least)
+    assert inside > 0.9
 
 
 def rms(values):

@@ -39,6 +39,8 @@ def with_gross_errors(density: Density, share: float) -> Density:
 
 def mixed(values: Floats, share: float) -> Floats:
     """The same of densities on a grid, (B, n) values each: every mode is convolved with its own normal kernel."""
+    from psflut.kernels import curves
+
     cumulative = tabulated.cumulated(values)
     modes = tabulated.modes(values, cumulative)
     parts = np.zeros((len(modes.row), values.shape[1]))
@@ -46,10 +48,7 @@ def mixed(values: Floats, share: float) -> Floats:
         last = end + (end == values.shape[1] - 1)
         part[start:last] = values[row, start:last]
     wide = tabulated.blurred(parts, modes.row, _widths(cumulative, modes), len(values))
-    total, others = values.sum(axis=1, keepdims=True), wide.sum(axis=1, keepdims=True)
-    wide *= share / (1 - share) * total / others
-    wide += values
-    wide /= wide.max(axis=1, keepdims=True)
+    curves.blend(values, wide, share)
     return wide
 
 

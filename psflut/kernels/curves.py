@@ -162,3 +162,20 @@ def blur(waves: Floats, rows: Places, sds: Floats, out: Floats) -> None:
         end = count if fall * count**2 <= CUTOFF else int(np.sqrt(CUTOFF / fall)) + 1
         for k in range(end):
             out[rows[m], k] += waves[m, k] * np.exp(-fall * k * k)
+
+
+@compiled
+def blend(values: Floats, wide: Floats, share: float) -> None:
+    """Densities (B, n) of which that share is replaced by as much of others, in the place of the latter; the largest
+    value is 1."""
+    for b in range(len(values)):
+        total, others, top = 0.0, 0.0, 0.0
+        for n in range(values.shape[1]):
+            total += values[b, n]
+            others += wide[b, n]
+        one, two = (1.0 - share) / total, share / others
+        for n in range(values.shape[1]):
+            wide[b, n] = one * values[b, n] + two * wide[b, n]
+            top = max(top, wide[b, n])
+        for n in range(values.shape[1]):
+            wide[b, n] /= top

@@ -1,4 +1,4 @@
-"""Compiled: a correlation with few weights, sum by sum."""
+"""Compiled: sums over the neighbours of every pixel."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,3 +41,16 @@ def correlate(
             for x in range(len(line)):
                 first = a * p[x] + b * q[x] + c * r[x] + d * s[x]
                 line[x] += first + (e * t[x] + f * u[x] + g * v[x] + h * w[x])
+
+
+@compiled
+def laplacian(images: NDArray[np.floating], taper: NDArray[np.floating], out: NDArray[np.floating]) -> None:
+    """Fill `out` (B, H - 2, W - 2) with 6 (g - s s g) of images (B, H, W) times a taper (H - 2, W - 2), s the means
+    (1, 4, 1) / 6 down and across: the isotropic Laplacian."""
+    for b in range(out.shape[0]):
+        for y in range(out.shape[1]):
+            above, here, under = images[b, y], images[b, y + 1], images[b, y + 2]
+            for x in range(out.shape[2]):
+                beside = above[x + 1] + here[x] + here[x + 2] + under[x + 1]
+                corners = above[x] + above[x + 2] + under[x] + under[x + 2]
+                out[b, y, x] = taper[y, x] * ((20 * here[x + 1] - 4 * beside - corners) / 6)

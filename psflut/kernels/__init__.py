@@ -12,18 +12,25 @@ from numba import njit
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
+OPTIONS = {"nogil": True, "fastmath": {"reassoc", "contract", "arcp", "nsz"}}
+"""Sums may be taken in any order."""
+
+
+def inlined(function: Function) -> Function:
+    """Compiled as part of the function that calls it, in one place: a third of the time that compiling each takes."""
+    return njit(inline="always", **OPTIONS)(function)  # type: ignore[no-any-return]
+
 
 def compiled(function: Function) -> Function:
     """Compiled when first called, and kept: beside its file, else in the user's cache, else for this process alone.
 
-    Sums may be taken in any order. What is kept holds the code of all that the function calls, but numba asks whether
+    What is kept holds the code of all that the function calls, but numba asks whether
     the function's own file has changed; here what is kept is stale where any file of the folder has.
     """
-    options = {"nogil": True, "fastmath": {"reassoc", "contract", "arcp", "nsz"}}
     try:
-        made = njit(cache=True, **options)(function)
+        made = njit(cache=True, **OPTIONS)(function)
     except RuntimeError:
-        return njit(**options)(function)  # type: ignore[no-any-return]
+        return njit(**OPTIONS)(function)  # type: ignore[no-any-return]
     folder = Path(function.__code__.co_filename).parent
     files = [each.stat() for each in sorted(folder.glob("*.py"))]
     made._cache._cache_file._source_stamp = [(each.st_mtime, each.st_size) for each in files]

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from psflut.kernels import compiled
+from psflut.kernels import compiled, inlined
 from psflut.kernels.algebra import back, combined, factorise
 from psflut.kernels.elementary import Bits, exponentials, logarithms
 
@@ -135,7 +135,7 @@ def climb(patch: Patch, attenuation: Floats, model: Model, theta: Floats, best: 
     return value + gain / 2 - log_determinant / 2
 
 
-@compiled
+@inlined
 def derivatives(patch: Patch, attenuation: Floats, model: Model, theta: Floats, room: Room) -> tuple[float, bool]:
     """The log density and whether its curvature is positive at every annulus.
 

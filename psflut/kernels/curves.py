@@ -6,7 +6,7 @@ Rows are densities of several patches; each is worked out alone.
 import numpy as np
 from numpy.typing import NDArray
 
-from psflut.kernels import compiled
+from psflut.kernels import compiled, inlined
 from psflut.kernels.elementary import exponentials
 
 Floats = NDArray[np.float64]
@@ -33,7 +33,7 @@ def densities(places: Floats, values: Floats, counts: Places, out: Floats) -> No
         exponentials(row, row, bits, number)
 
 
-@compiled
+@inlined
 def spline(places: Floats, values: Floats, out: Floats) -> None:
     """The not-a-knot spline through M >= 4 ascending places, at ``len(out)`` even ones from the first to the last."""
     count = len(places)
@@ -122,7 +122,7 @@ def modes(values: Floats, lowest: float, valley: float, first: Places) -> Places
     return cuts[:total].copy()
 
 
-@compiled
+@inlined
 def _stands_out(row: Floats, first: int, last: int, floor: float) -> bool:
     """Whether values fall to the floor on both sides of a peak's nodes before they rise above it."""
     height, k = row[first], first - 1

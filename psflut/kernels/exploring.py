@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from psflut.kernels import climbing, compiled
+from psflut.kernels import climbing, compiled, inlined
 from psflut.kernels.climbing import Model, Patch, Room, climb
 
 Floats = NDArray[np.float64]
@@ -119,7 +119,7 @@ def _explore(
             point = own.after[point]
 
 
-@compiled
+@inlined
 def _begin(patch: Patch, start: Floats, own: Looked, model: Model, room: Room) -> float:
     """The ends of `COARSE` equal gaps, each climb starting from its neighbour's; returns the best log evidence."""
     best = -np.inf
@@ -133,7 +133,7 @@ def _begin(patch: Patch, start: Floats, own: Looked, model: Model, room: Room) -
     return best
 
 
-@compiled
+@inlined
 def _again(patch: Patch, share: float, own: Looked, count: int, model: Model, room: Room) -> float:
     """Every distance once more where shapes count for less, the best first; returns the best log evidence."""
     top = 0
@@ -151,7 +151,7 @@ def _again(patch: Patch, share: float, own: Looked, count: int, model: Model, ro
     return best
 
 
-@compiled
+@inlined
 def _refine(
     patch: Patch,
     own: Looked,
@@ -194,7 +194,7 @@ def _refine(
     return count, best
 
 
-@compiled
+@inlined
 def _cubic(x: int, first: int, place: Places, after: Places, four: Places, part: Floats) -> None:
     """The points about a gap, four from the `first` on or as many as there are, and their shares in the polynomial
     through them at x (Lagrange's)."""

@@ -1,0 +1,48 @@
+"""Compiled code that is kept, and what it is kept for."""
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+
+from psflut.kernels.elementary import exponentials, logarithms
+
+INNER = """from psflut.kernels import compiled
+@compiled
+def inner(x):
+    return x + {}
+"""
+OUTER = """from inner import inner
+from psflut.kernels import compiled
+@compiled
+def outer(x):
+    return 2 * inner(x)
+"""
+
+
+def test_what_is_kept_is_stale_where_another_file_of_the_folder_has_changed(tmp_path):
+    """numba asks for the file of the function alone; the second of three runs finds what the first kept."""
+    told, code = [], "from outer import outer; print(outer(1), sum(outer.stats.cache_hits.values()))"
+    (tmp_path / "outer.py").write_text(OUTER)
+    for added in (1, 1, 20):
+        if not told or added == 20:
+            (tmp_path / "inner.py").write_text(INNER.format(added))
+        path = os.pathsep.join([str(tmp_path), *sys.path])
+        done = subprocess.run(
+            [sys.executable, "-c", code],
+            env={**os.environ, "PYTHONPATH": path},
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        told.append(done.stdout.strip())
+    assert told == ["4 0", "4 1", "42 0"]
+
+
+def test_exponentials_and_logarithms_are_numpys():
+    values, out, bits = np.linspace(-690, 690, 4001), np.empty(4001), np.empty(4001, np.int64)
+    exponentials(values, out, bits, bits.view(np.float64))
+    np.testing.assert_allclose(out, np.exp(values), rtol=1e-12)
+    logarithms(np.exp(values).view(np.int64), out, bits, bits.view(np.float64))
+    np.testing.assert_allclose(out, values, rtol=1e-12, atol=1e-12)

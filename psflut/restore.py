@@ -29,8 +29,8 @@ LEAST = 0.01  # share of its light inside the image below which a scene pixel is
 
 def wiener_filter(otf: Spectrum, noise_to_signal: ArrayLike) -> Spectrum:
     """conj(H) / (|H|^2 + noise_to_signal), and 0 where both are 0; the arguments broadcast."""
-    power = np.square(np.abs(otf)) + np.asarray(noise_to_signal, dtype=otf.real.dtype)
-    return np.asarray(np.divide(np.conj(otf), power, out=np.zeros(power.shape, otf.dtype), where=power > 0))
+    power = otf.real**2 + otf.imag**2 + np.asarray(noise_to_signal, dtype=otf.real.dtype)
+    return np.asarray(np.conj(otf) * np.divide(1, power, out=np.zeros_like(power), where=power > 0))
 
 
 def wiener(image: Reals, psf: Reals, noise_to_signal: ArrayLike) -> Reals:
@@ -67,8 +67,10 @@ def wiener(image: Reals, psf: Reals, noise_to_signal: ArrayLike) -> Reals:
             f"{ratio.shape}; lay it on the rfft2 grid of padded_shape"
         )
     mean = scene.mean()
-    spectrum = fft.rfft2(scene - mean) * wiener_filter(otf, ratio)
-    return np.asarray(fft.irfft2(spectrum, grid)[..., : image.shape[0], : image.shape[1]] + mean)
+    scene -= mean
+    spectrum = wiener_filter(otf, ratio)
+    spectrum *= fft.rfft2(scene)
+    return np.asarray(fft.irfft2(spectrum, grid, overwrite_x=True)[..., : image.shape[0], : image.shape[1]] + mean)
 
 
 def richardson_lucy(

@@ -142,9 +142,9 @@ def test_richardson_lucy(blurred):
     mirrored = np.pad(image, MARGIN, mode="symmetric")
     apart = restoration.richardson_lucy(mirrored, disc, num_iter=20, clip=False)[MARGIN:-MARGIN, MARGIN:-MARGIN]
     print(
-        f"\n{plain / ours:.2f} times as fast as scikit-image, {plain_wide / ours_wide:.2f} with a PSF of 31 x 31; differs "
-        f"by {off(own(), apart):.1e} at most where it is given the image mirrored beyond its border; without, its "
-        f"dark border moves it by {off(skimage(), apart):.1e}; {peak(own):.1f} and {peak(skimage):.1f} MB"
+        f"\n{plain / ours:.2f} times as fast as scikit-image, {plain_wide / ours_wide:.2f} with a PSF of 31 x 31; "
+        f"differs by {off(own(), apart):.1e} at most where it is given the image mirrored beyond its border; without, "
+        f"its dark border moves it by {off(skimage(), apart):.1e}; {peak(own):.1f} and {peak(skimage):.1f} MB"
     )
     assert off(own(), apart) < 1e-3
     assert 2 * ours < plain

@@ -1,10 +1,9 @@
-"""Reading images as linear intensity, writing them as float32 TIFF."""
+"""Reading images as linear intensity."""
 
-import json
 import logging
 import re
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,18 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from psflut import tiffs
+from psflut import rawfiles, tiffs
 from psflut.errors import PsflutError
-from psflut.files import refuse_overwrite, staged
 
 LUMINANCE = np.array([0.2125, 0.7154, 0.0721])
 """Weights of linear red, green and blue (ITU-R BT.709, as in scikit-image's rgb2gray)."""
 
-
 SRGB_SLOPE = 2.4 / 1.055
 """Slope of the sRGB curve at full scale."""
-
-RAW_SUFFIXES = (".arw", ".cr2", ".cr3", ".dng", ".nef", ".orf", ".raf", ".rw2")
 
 DEFAULT_SIDE = 256
 """Side of the patch that is taken where none is named, pixels."""
@@ -102,9 +97,8 @@ def page_shapes(path: Path) -> tuple[tuple[int, int], ...]:
     with _one_sentence(path):
         if _is_tiff(path):
             return tiffs.page_shapes(path)
-        if _is_raw(path):
-            with _rawpy().imread(str(path)) as raw:
-                return ((raw.sizes.height, raw.sizes.width),)
+        if rawfiles.is_raw(path):
+            return (rawfiles.shape(path),)
         from PIL import Image
 
         with Image.open(path) as picture:
@@ -153,7 +147,7 @@ def _read(path: Path, page: int | None, mapped: bool = False) -> NDArray[Any]:
             return tiffs.read_page(path, page, mapped)
         if page:
             raise PsflutError(f"has one page, page 0, there is no page {page}; only a TIFF may have more")
-        return _read_raw(path) if _is_raw(path) else _read_picture(path.read_bytes())
+        return rawfiles.read(path) if rawfiles.is_raw(path) else _read_picture(path.read_bytes())
 
 
 @contextmanager
@@ -176,36 +170,8 @@ def _one_sentence(path: Path) -> Iterator[None]:
         raise PsflutError(f"cannot read {path} as an image ({reason}); write it again as PNG or TIFF") from error
 
 
-def _is_raw(path: Path) -> bool:
-    return path.suffix.lower() in RAW_SUFFIXES
-
-
 def _is_tiff(path: Path) -> bool:
-    """Most RAW files are TIFF files too, whose first page is a thumbnail."""
-    return tiffs.is_tiff(path) and not _is_raw(path)
-
-
-def _rawpy() -> Any:
-    try:
-        import rawpy
-    except ImportError as error:
-        raise PsflutError("is a RAW file, which needs rawpy; install it with: pip install psflut[raw]") from error
-    return rawpy
-
-
-def _read_raw(path: Path) -> NDArray[Any]:
-    """Linear red, green and blue of 16 bits on the sensor's own pixels: no colour matrix, no brightening."""
-    rawpy = _rawpy()
-    settings = {
-        "gamma": (1, 1),
-        "output_bps": 16,
-        "no_auto_bright": True,
-        "output_color": rawpy.ColorSpace.raw,
-        "user_wb": [1, 1, 1, 1],
-        "user_flip": 0,
-    }
-    with rawpy.imread(str(path)) as raw:
-        return np.asarray(raw.postprocess(**settings))
+    return tiffs.is_tiff(path) and not rawfiles.is_raw(path)
 
 
 def _read_picture(data: bytes) -> NDArray[Any]:
@@ -231,27 +197,3 @@ def _check(path: Path, raw: NDArray[Any]) -> None:
     bad = int(np.sum(~np.isfinite(raw)))
     if bad:
         raise PsflutError(f"{path} has pixels that are not finite ({bad} of them); mask or replace them")
-
-
-def check_tiff(path: Path, overwrite: bool) -> None:
-    """Refuse, before the work, a path that `write_tiff` would refuse after it."""
-    if path.suffix.lower() not in (".tif", ".tiff"):
-        raise PsflutError(f"a capture is a TIFF, whose name ends in .tif or .tiff, got {str(path)!r}")
-    refuse_overwrite(path, overwrite)
-
-
-def write_tiff(path: Path, image: NDArray[np.floating], about: Mapping[str, Any], overwrite: bool = False) -> None:
-    """A float32 TIFF whose description is `about` as JSON; no date, so the same image gives the same bytes."""
-    import tifffile
-
-    check_tiff(path, overwrite)
-    with staged(path, overwrite) as stage:
-        tifffile.imwrite(stage, image.astype(np.float32), description=json.dumps(about, sort_keys=True), metadata=None)
-
-
-def write_png(path: Path, image: NDArray[np.floating], overwrite: bool = False) -> None:
-    """An 8-bit grey PNG of values from 0 to 1."""
-    import imageio.v3 as iio
-
-    with staged(path, overwrite) as stage:
-        iio.imwrite(stage, np.rint(255.0 * np.clip(image, 0.0, 1.0)).astype(np.uint8), extension=".png")

@@ -25,11 +25,11 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from psflut import information, texture
+from psflut import ensemble, information, texture
 from psflut.capture import setup_of
+from psflut.ensemble import Sensor
 from psflut.errors import PsflutError
 from psflut.imagers import Imager
-from psflut.information import Sensor
 from psflut.noise import Noise
 from psflut.table import Kind, PSFTable
 
@@ -140,9 +140,9 @@ def bound(
         if contrast is None and setup_of(table).normalise:
             contrast = NORMALISED_CONTRAST
         prior = prior or replace(texture.learnt(), roughness=0.0)
-        median = information.contrast(prior, imager)
+        median = ensemble.contrast(prior, imager)
         contrast = contrast or median
-        scenes = information.textures(table, shape, imager, prior, contrast / median, COUNT)
+        scenes = ensemble.textures(table, shape, imager, prior, contrast / median, COUNT)
         known = scene == "known"
         told = information.of_known_scene(scenes, sensor) if known else information.of_texture(scenes, sensor)
     return _limits(table, told, scene, contrast)

@@ -8,7 +8,7 @@ import pytest
 import tifffile
 
 from psflut import capture, mapping, store
-from psflut.images import write_tiff
+from psflut.writing import write_tiff
 
 WORDS = ("--table", "lab16mm", "--noise", "0.005", "--stride", "64")
 

@@ -8,7 +8,8 @@ import pytest
 import tifffile
 
 from psflut.errors import PsflutError
-from psflut.images import LUMINANCE, crop, linearise, page_shapes, read_image, write_tiff
+from psflut.images import LUMINANCE, crop, linearise, page_shapes, read_image
+from psflut.writing import write_tiff
 
 
 @pytest.fixture

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy import fft
 
-from psflut import information, limits, plots, texture
+from psflut import ensemble, information, limits, plots, texture
 from psflut.capture import psf_of
 from psflut.covariance import covariance
+from psflut.ensemble import Sensor
 from psflut.fourier import transfer
 from psflut.imagers.laplacian import Laplacian
 from psflut.imagers.plain import Plain
-from psflut.information import Sensor
 from psflut.noise import Noise
 from psflut.spectrum import annular_power, annuli
 from psflut.table import PSFTable
@@ -67,7 +67,7 @@ def test_a_linear_estimate_on_drawn_fields_errs_by_the_bound(lab16mm):
     shown = spectrum * np.abs(transfer(psf_of(lab16mm, distance), LARGE)) ** 2 + NOISE.read**2
     weighted = np.linalg.solve(covariance(SHAPE, shown), columns)
     answers = (sample / mean - 1) @ weighted @ np.linalg.inv(columns.T @ weighted)
-    scenes = information.textures(lab16mm, SHAPE, Plain(), prior, 1.0, 201)
+    scenes = ensemble.textures(lab16mm, SHAPE, Plain(), prior, 1.0, 201)
     only = replace(scenes, spectra=np.exp(scenes.bank.basis @ prior.mean)[None])
     told = information.of_texture(only, Sensor(Plain(), NOISE))[:, 0]
     positions = lab16mm.candidates(201)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from psflut.errors import PsflutError
-from psflut.images import write_png
 from psflut.photographs import SHIPPED, choose
+from psflut.writing import write_png
 
 
 def test_by_default_come_those_that_are_large_enough_for_the_patches():

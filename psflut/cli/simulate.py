@@ -38,9 +38,10 @@ def run(
     from dataclasses import asdict, replace
 
     from psflut import capture
-    from psflut.images import check_tiff, read_image, write_tiff
+    from psflut.images import read_image
     from psflut.table import PSFTable
     from psflut.units import parse_length
+    from psflut.writing import check_tiff, write_tiff
 
     metres = parse_length(distance)
     if output == ideal:

@@ -19,8 +19,8 @@ def run(
     """Draw the noise target for calibrate --target pattern: print it at any size, and glue it on something flat."""
     from calib.noise_target import AROUND, CELL, DOTS, PAGES, SIDE, NoiseTarget
     from psflut.files import refuse_overwrite
-    from psflut.images import write_png
     from psflut.plots import page, save
+    from psflut.writing import write_png
 
     target = NoiseTarget(size, seed)
     if output.suffix.lower() not in (".pdf", ".png"):

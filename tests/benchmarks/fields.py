@@ -6,7 +6,7 @@ import numpy as np
 from scipy import fft
 
 from psflut import texture
-from psflut.information import SLOWEST
+from psflut.ensemble import SLOWEST
 from psflut.spectrum import annuli
 
 SIDE, FALL = 256, 2.5

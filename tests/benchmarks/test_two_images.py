@@ -17,10 +17,10 @@ from calib.textures import shrink
 from psflut import texture
 from psflut.capture import Setup, capture, ideal_image, simulate
 from psflut.demo import photograph
+from psflut.ensemble import SLOWEST
 from psflut.estimation import Observation, Problem, estimate
 from psflut.imagers.plain import Plain
 from psflut.images import read_image
-from psflut.information import SLOWEST
 from psflut.joint import join
 from psflut.jointbound import bound
 from psflut.noise import Noise

@@ -9,7 +9,7 @@ import pytest
 
 from psflut import cli
 from psflut.capture import Setup
-from psflut.images import write_tiff
+from psflut.writing import write_tiff
 
 CAMERA = """
 [camera]

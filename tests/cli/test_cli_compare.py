@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from psflut import capture, gallery
-from psflut.images import write_tiff
 from psflut.results import read_csv, read_zarr
+from psflut.writing import write_tiff
 
 FAST = ("--table", "lab16mm", "--distances", 2, "--runs", 2, "--size", 64, "--images", "camera", "--workers", 1)
 METHODS = ("--method", "wiener,golden_section:redraws=2:iterations=3")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import tifffile
 
-from psflut.images import write_tiff
+from psflut.writing import write_tiff
 
 KEYS = ["image", "method", "distance_m", "interval_m", "level", "outcome", "message", "modes", "seconds"]
 SMALL = ("--patch", "96,96,64")

@@ -8,7 +8,8 @@ import pytest
 import tifffile
 
 from psflut.capture import Setup, ideal_image
-from psflut.images import linearise, write_tiff
+from psflut.images import linearise
+from psflut.writing import write_tiff
 
 
 def truth_in(path):

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from psflut import cli, store
-from psflut.images import write_tiff
 from psflut.noise import Noise
 from psflut.optics import Camera
 from psflut.table import PSFTable
+from psflut.writing import write_tiff
 
 REMEDY = re.compile(r"[;:] (give|\w+ )|--help'|must|expected|needs| is a |such as|between|at least|ends in|belongs to")
 """A sentence says what to do, or what would have been right."""

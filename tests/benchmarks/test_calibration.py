@@ -7,6 +7,7 @@ Prints a table, and fails where a promise is not kept.
 
 import sys
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import NamedTuple
 
@@ -21,10 +22,13 @@ from calib.build import table_of
 from calib.nearest import nearest
 from psflut import Noise, Observation, Setup, estimate, family, simulate
 from psflut.imagers.plain import Plain
+from psflut.photographs import shipped
 
 pytestmark = pytest.mark.benchmark
 SHOTS, FRESH = 2, 40
 SCENES = (1.03, 1.21, 1.37, 1.58, 1.79, 2.05, 2.47, 2.9)
+PHOTOGRAPHS = ("astronaut", "brick", "camera", "grass", "gravel")
+"""At each of these distances: 8 captures of one alone gave ratios from 0.80 to 1.28 for tables that are as good."""
 SHARP = "pattern by a sharp frame"
 """Keeps its first promise only: near focus what folds at the reference's pixels spoils it (`Pattern`)."""
 
@@ -51,7 +55,7 @@ def test_every_target_has_its_frames():
 
 
 @pytest.fixture(scope="module", params=FRAMES)
-def result(request, tmp_path_factory, scene):
+def result(request, tmp_path_factory):
     factory, frame = FRAMES[request.param]
     target, rng = factory(tmp_path_factory.mktemp("frames")), np.random.default_rng(7)
 
@@ -70,7 +74,7 @@ def result(request, tmp_path_factory, scene):
         float(np.abs(table.psf - true).sum(axis=(1, 2)).mean()),
         honesty(np.stack([one.psf for one in measured]), np.stack([one.std for one in measured]), true, lit),
         honesty(table.psf, table.psf_std, true, lit),
-        wiener(table, true, scene),
+        wiener(table, true),
         expected / float(np.median(np.abs(errors))),
         100 * expected,
         100 * float(np.median(np.abs(errors))),
@@ -84,16 +88,16 @@ def honesty(found, std, true, lit):
     return float(np.sqrt(np.sum((found - true)[lit] ** 2) / np.sum(std[lit] ** 2)))
 
 
-def wiener(table, planes, scene):
+def wiener(table, planes):
     """Mean error with the measured table over that with the true one, on captures by the model itself."""
     true = replace(table, psf=planes, psf_std=None, axis_std=None, check=None)
     source = replace(true, camera=LENS, provenance={"model": "pupil", "settings": {}})
     errors = {"measured": [], "true": []}
-    for seed, distance in enumerate(SCENES):
-        image, _ = simulate(scene, source, distance, Setup(noise="0.005"), seed)
-        for name, each in (("measured", table), ("true", true)):
+    for seed, (name, distance) in enumerate(product(PHOTOGRAPHS, SCENES)):
+        image, _ = simulate(shipped(name)[:256, :256], source, distance, Setup(noise="0.005"), seed)
+        for which, each in (("measured", table), ("true", true)):
             found = estimate(Observation(image[64:192, 64:192], Noise(0.005)), each, "wiener")
-            errors[name].append(abs(found.distance - distance) / distance)
+            errors[which].append(abs(found.distance - distance) / distance)
     return float(np.mean(errors["measured"]) / np.mean(errors["true"]))
 
 

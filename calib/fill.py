@@ -74,6 +74,9 @@ def fill(table: PSFTable, lens: Lens, planes: int, measured: bool) -> PSFTable:
     | spherical, +0.2 waves | 0.074, 0.093 | 0.007, 0.004 | 0.003, 0.001 |
     | spherical, -0.2 | 0.167, 0.142 | 0.028, 0.023 | 0.022, 0.019 |
     | astigmatism 0.2, coma 0.15, which the lens lacks | 0.102, 0.138 | 0.234, 0.160 | 0.021, 0.007 |
+
+    On real beads (`test_bead_stack`) it quarters the error where planes are 1.25 waves apart, and helps nothing
+    at 0.66.
     """
     axis = table.candidates(planes)
     even, new = table.even(table.axis), table.even(axis)

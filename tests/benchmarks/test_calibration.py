@@ -30,7 +30,8 @@ SCENES = (1.03, 1.21, 1.37, 1.58, 1.79, 2.05, 2.47, 2.9)
 PHOTOGRAPHS = ("astronaut", "brick", "camera", "grass", "gravel")
 """At each of these distances: 8 captures of one alone gave ratios from 0.80 to 1.28 for tables that are as good."""
 SHARP = "pattern by a sharp frame"
-"""Keeps its first promise only: near focus what folds at the reference's pixels spoils it (`Pattern`)."""
+"""Keeps its first two promises: near focus a pixel's PSF owes to frequencies that the reference does not show
+(`Pattern`), and the smoothing of the course makes the table's last planes worse than what was measured."""
 
 L1_BAR = {"point": 0.05, "edge": 0.08, "pattern": 0.08}
 
@@ -114,7 +115,7 @@ def hold(result, value, bar):
 
 
 def test_standard_errors_are_honest(result):
-    hold(result, result[1].measured_honesty, 1.3)
+    assert 1 / 1.3 < result[1].measured_honesty < 1.3
 
 
 def test_standard_errors_of_the_table_are_honest(result):

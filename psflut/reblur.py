@@ -31,7 +31,7 @@ class Blur(ABC):
 
     @abstractmethod
     def seen(self, scene: Reals) -> Reals:
-        """h * f (H, W), which may be overwritten."""
+        """h * f (H, W), which may be overwritten, as the next one's may overwrite it."""
 
     @abstractmethod
     def pulled(self, ratio: Reals) -> Reals:
@@ -81,6 +81,7 @@ class Sums(Blur):
         self.half, self.shape = len(psf) // 2, shape
         self.scene = shape[0] + 2 * self.half, shape[1] + 2 * self.half
         self.dark = np.zeros((shape[0] + 4 * self.half, shape[1] + 4 * self.half), psf.dtype)
+        self.blurred = np.empty(shape, psf.dtype)
         self.forward = _weights(psf[::-1, ::-1], self.scene[1])
         self.backward = _weights(psf, self.dark.shape[1])
 
@@ -96,9 +97,8 @@ class Sums(Blur):
         """See `Blur`."""
         from psflut.kernels.summing import correlate
 
-        out = np.empty(self.shape, scene.dtype)
-        correlate(scene.ravel(), scene.shape[1], *self.forward, out)
-        return out
+        correlate(scene.ravel(), scene.shape[1], *self.forward, self.blurred)
+        return self.blurred
 
     def pulled(self, ratio: Reals) -> Reals:
         """See `Blur`."""

@@ -114,14 +114,13 @@ def richardson_lucy(
     first, _ = _checked(first, psf, positive=True)
     reblur = blur(psf, (image.shape[0], image.shape[1]))
     seen = reblur.pulled(np.ones_like(image))
-    unseen = np.asarray(seen <= LEAST, image.dtype)
-    share = (1 - unseen) / np.maximum(seen, LEAST)
+    share, unseen = 1 / np.maximum(seen, LEAST), np.flatnonzero(seen <= LEAST)
     path = _Path(reblur.laid(first))
     for _ in range(iterations):  # in place: new arrays of this size cost half a transform each
         guess = path.prediction() if acceleration else path.now
         now = reblur.pulled(_ratio(image, reblur.seen(guess), filter_epsilon))
         now *= share
-        now += unseen
+        now.put(unseen, 1)
         now *= guess
         path = path.moved(guess, now) if acceleration else _Path(now)
     return reblur.cut(path.now)

@@ -100,6 +100,16 @@ def test_every_method_runs_on_the_tables_of_the_thesis(method, name, scene):
         assert far - near > 0.2 or result.outcome is Outcome.FLAT
 
 
+@pytest.mark.parametrize("distance", [3.31, 3.87, 4.33])
+def test_blind_rl_claims_nothing_of_what_its_steps_did_not_restore(thesis, scene, distance):
+    """With little noise a blurred Laplacian passes more than the steps bring back; that is no sign of distance."""
+    setup = replace(capture.setup_of(thesis), noise="relative:1e-3")
+    image, noise = capture.simulate(scene, thesis, distance, setup, seed=0)
+    near, far = estimate(Observation(image[64:192, 64:192], noise), thesis, "blind_rl").interval
+    assert near < distance < far
+    assert far - near < 0.8 * np.ptp(thesis.span)
+
+
 def test_the_evidence_methods_see_the_distance(found):
     for method in ("wiener", "posterior"):
         near, far = found[method].interval

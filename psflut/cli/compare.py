@@ -73,7 +73,7 @@ def run(
 
     By default all methods for any scene see 9 distances x 40 captures of 128 x 128 pixels, posterior 9 x 8 of them;
     golden_section and two_image also see 9 x 8 with the ideal image known. blind_rl goes from coarse to fine: it
-    restores from 12 PSFs over the whole table and reads 100 candidates between them. This takes some 10 minutes on two
+    restores from 12 PSFs over the whole table and reads 400 candidates between them. This takes some 10 minutes on two
     cores. DIR gets results.csv, results.zarr, timings.csv, summary.csv, summary.md and figures.
     """
     from tqdm import tqdm

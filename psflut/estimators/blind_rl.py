@@ -114,7 +114,7 @@ class BlindRl(AbstractEstimator):
         best = int(np.argmax(score))
         mean = evidence.scene_power(fine.attenuation[best], theta[best], fine) + noise
         misfit = float(evidence.misfit(problem.power, mean, fine.shape))
-        fine = fine.counted(float(evidence.discount(np.array(misfit), fine.prior)))
+        fine = fine.counted(float(evidence.discount(np.array(misfit), fine)))
         theta, score = _climbed(problem.power, noise, start, fine, self.steps)
         width = spread(table, problem.shape, fine, noise, fine.even, score, theta)
         density = with_gross_errors(Density(fine.even, score, table.position), fine.prior.gross).widened(width)

@@ -17,7 +17,8 @@ from psflut.estimation import for_any_scene
 from psflut.files import claimed, staged
 from psflut.journal import Journal
 from psflut.results import write_csv, write_rows, write_timings, write_zarr
-from psflut.scores import markdown, rows, scores, words
+from psflut.scoreboard import markdown, rows, words
+from psflut.scores import scores
 from psflut.shots import fingerprint
 from psflut.table import PSFTable
 from psflut.trial import KNOWN, Bench, Record, Unit

@@ -1,20 +1,13 @@
 """What a report says of an estimate, in numbers and sentences."""
 
-import hashlib
-import json
-import os
-import platform
 from collections.abc import Mapping
-from datetime import UTC, datetime
-from importlib.metadata import version
 
 import numpy as np
 from numpy.typing import NDArray
 
-from psflut import __version__, texture
+from psflut import texture
 from psflut.density import interval_of, tails
-from psflut.estimation import Estimate, Observation
-from psflut.summary import summarise, words
+from psflut.estimation import Estimate
 from psflut.table import PSFTable
 from psflut.units import format_length
 
@@ -24,8 +17,6 @@ LEVELS = (0.5, 0.68, 0.95)
 
 BEYOND = 1.5
 """Misfit above which no distance of the table explains a spectrum well, see `psflut.evidence.misfit`."""
-
-LIBRARIES = ("numpy", "scipy", "emcee", "matplotlib")
 
 REMEDIES = {
     "photons": "more light, or the mean of several frames, would narrow it",
@@ -162,47 +153,3 @@ def descriptions(estimates: Mapping[str, Estimate], intervals: Mapping[float, tu
         "budget": f"Standard deviations by origin: {parts}.",
         "methods": f"Distance and interval by method: {methods}.",
     }
-
-
-def provenance(
-    observation: Observation, table: PSFTable, found: Estimate, about: Mapping[str, str]
-) -> dict[str, list[tuple[str, str]]]:
-    """Rows of (name, words) under headings: the patch, the table, the software."""
-    image = np.ascontiguousarray(observation.image, dtype="<f8")
-    psfs = np.concatenate([table.axis.ravel(), table.psf.ravel()]).astype("<f4")
-    noise = f"read {found.stats['noise']:.4g}, from: {found.stats['noise_source']}"
-    software = [("psflut", __version__), ("Python", platform.python_version())]
-    software += [(name, version(name)) for name in LIBRARIES]
-    if "SOURCE_DATE_EPOCH" in os.environ:
-        day = datetime.fromtimestamp(int(os.environ["SOURCE_DATE_EPOCH"]), UTC)
-        software.append(("date", day.date().isoformat()))
-    return {
-        "The patch": [
-            *about.items(),
-            ("pixels", f"{image.shape[0]} x {image.shape[1]}"),
-            ("noise", noise),
-            ("sha256 of its values", _sha256(image)),
-        ],
-        "The table": [
-            *words(summarise(table)),
-            ("sha256 of distances and PSFs", _sha256(psfs)),
-            ("provenance", json.dumps(dict(table.provenance), sort_keys=True)),
-        ],
-        "The software": [
-            *software,
-            ("prior of scenes", json.dumps(dict(texture.learnt().provenance), sort_keys=True)),
-        ],
-    }
-
-
-def _sha256(values: NDArray[np.floating]) -> str:
-    return hashlib.sha256(values.tobytes()).hexdigest()
-
-
-def citations() -> list[str]:
-    """What to name in a text that uses the report."""
-    return [
-        f"The psflut developers. psflut {__version__}: distance from blur, with error bars (software).",
-        "D. Foreman-Mackey, D. W. Hogg, D. Lang, J. Goodman. emcee: The MCMC Hammer. Publications of the Astronomical "
-        "Society of the Pacific 125, 306 (2013).",
-    ]

@@ -1,7 +1,7 @@
 """The Bayesian uncertainty report of one patch: every estimator asked, one self-contained page of HTML.
 
-What the page says is worked out here and in `psflut.findings`; how it looks is ``report.html``. Equal patches, tables
-and seeds give equal bytes: the page holds no times of the day and none that a computer took.
+What the page says is worked out here, in `psflut.findings` and in `psflut.origins`; how it looks is ``report.html``.
+Equal patches, tables and seeds give equal bytes: the page holds no times of the day and none that a computer took.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from psflut import family, findings
+from psflut import family, findings, origins
 from psflut.errors import PsflutError
 from psflut.estimation import Estimate, Observation, estimate, for_any_scene
 from psflut.files import refuse_overwrite, staged
@@ -122,8 +122,8 @@ def report(
         "estimates": estimates,
         "refusals": refusals,
         "findings": findings.sentences(found, table),
-        "tables": findings.provenance(observation, table, found, {**(about or {}), "seed": str(seed)}),
-        "citations": findings.citations(),
+        "tables": origins.provenance(observation, table, found, {**(about or {}), "seed": str(seed)}),
+        "citations": origins.citations(),
     }
     return Report(_page(facts), estimates, intervals)
 

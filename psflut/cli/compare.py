@@ -78,7 +78,7 @@ def run(
     """
     from tqdm import tqdm
 
-    from psflut import compare, scores, trial
+    from psflut import compare, scoreboard, scores, trial
     from psflut.cli.shots import Encoding, measured, simulated
     from psflut.cluster import cluster
     from psflut.gallery import draw
@@ -112,6 +112,7 @@ def run(
         console.say(f"{len(records)} of {total} cells are done and kept in {output}; the same command goes on")
         raise
     console.say_what_wins(tabled, noise, imager)
-    console.print_rows(scores.words(scores.scores(compare.ordered(records, bench), compare.span_of(tabled))))
+    span = compare.span_of(tabled)
+    console.print_rows(scoreboard.words(scores.scores(compare.ordered(records, bench), span), span))
     draw(bench, compare.ordered(records, bench), output / "figures")
     console.say(f"results.csv, results.zarr, timings.csv, summary.md and figures are in {output}")

@@ -155,5 +155,5 @@ def _single(title: str) -> tuple[Figure, Axes]:
 def _finished(figure: Figure, axis: Axes) -> Figure:
     axis.set_yscale("log", nonpositive="mask")
     axis.set_xlabel("object distance (m)")
-    figure.legend(loc="outside upper center", ncols=3)
+    figure.legend(loc="outside upper center", ncols=2)
     return figure

@@ -16,8 +16,9 @@ from psflut.noise import parse_noise
 from psflut.shots import Shot, Simulated
 from psflut.trial import KNOWN, Bench, Record
 
-LARGEST, PSF = 6, "PSF"
-"""Positions of which transfer functions are drawn at most; with what the names of pictures of a PSF begin."""
+LARGEST, PSF, TIMES = 6, "PSF", "times"
+"""Positions of which transfer functions are drawn at most; with what the names of pictures of a PSF begin; the figure
+that differs from run to run."""
 
 
 def draw(bench: Bench, records: Sequence[Record], folder: Path) -> list[Path]:
@@ -107,6 +108,7 @@ def _of_results(bench: Bench, records: Sequence[Record]) -> Iterator[tuple[str, 
             yield f"{numbers[1]}-relative-errors", plots.relative_errors(some, span, title, palette)
             yield f"{numbers[2]}-scatter", plots.scatter(some, limit, title, palette)
     yield "reliability", plots.reliability(records, bench.level, span, about)
+    yield TIMES, plots.times(records, about)
 
 
 def _bound(bench: Bench, scene: Scene) -> Limits | None:

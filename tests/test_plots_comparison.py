@@ -73,17 +73,21 @@ def test_scatter_is_that_of_the_runs_and_shows_the_bound(records, lab16mm):
     assert len(plots.scatter(records).axes[0].lines) == 3
 
 
-def test_reliability_has_coverage_width_risk_and_time_of_every_method(records):
-    covers, width, risk, cost = plots.reliability(records, 0.95).axes
+def test_reliability_has_coverage_width_and_risk_of_every_method(records):
+    covers, width, risk = plots.reliability(records, 0.95).axes
     inside = [100 * np.mean(np.abs(of(records, "wiener", z) - z) <= 0.05) for z in TRUTHS]
     assert_allclose(line(covers, "wiener").get_ydata(), inside)
     assert_allclose(line(width, "wiener").get_ydata(), 10.0)
     assert len(risk.lines) == 3
     assert all(each.get_xdata()[-1] == 100 for each in risk.lines)
-    assert [bar.get_width() for bar in cost.patches] == [0.25] * 3
-    assert "(s)" in cost.get_xlabel()
     assert "(cm)" in width.get_ylabel()
     assert all("%" in label for label in (covers.get_ylabel(), risk.get_xlabel(), risk.get_ylabel()))
+
+
+def test_times_are_medians_of_every_method_in_a_figure_of_their_own(records):
+    (axis,) = plots.times(records).axes
+    assert [bar.get_width() for bar in axis.patches] == [0.25] * 3
+    assert "(s)" in axis.get_xlabel()
 
 
 def test_a_method_keeps_its_colour_when_told_the_scene(records):
@@ -123,6 +127,6 @@ def test_the_gallery_has_every_figure_of_the_thesis_for_simulated_captures(lab16
     numbers = {path.name.partition("-")[0] for path in paths}
     assert numbers == {
         "2.5.3", "4.1.2", "4.2.2", "5.1.1", "5.1.2", "5.2.1", "5.2.2", "5.2.3", "5.2.4", "5.2.5", "5.2.6", "5.2.7",
-        "reliability.png",
+        "reliability.png", "times.png",
     }  # fmt: skip
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in paths)

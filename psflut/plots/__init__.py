@@ -1,6 +1,6 @@
 """Figures, a topic a file: results in, Figure out. One look, units on every axis."""
 
-from psflut.plots.comparison import agreement, palette_of, relative_errors, reliability, scatter
+from psflut.plots.comparison import agreement, palette_of, relative_errors, reliability, scatter, times
 from psflut.plots.depthmaps import depthmap, risk_coverage
 from psflut.plots.estimates import curve, curves
 from psflut.plots.images import page, pictures
@@ -30,4 +30,5 @@ __all__ = [
     "risk_coverage",
     "save",
     "scatter",
+    "times",
 ]

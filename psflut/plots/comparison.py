@@ -118,10 +118,10 @@ def scatter(
 
 @styled
 def reliability(records: Sequence[Record], level: float, span: float | None = None, title: str = "") -> Figure:
-    """Whether intervals are honest, how wide they are, what the surest patches err, and what it all costs."""
-    figure = Plot(figsize=(8.6, 6.4), layout="constrained")
-    figure.suptitle(title, fontsize=10)
-    (covers, width), (risk, cost) = figure.subplots(2, 2)
+    """Whether intervals are honest, how wide they are, and what the surest patches err."""
+    figure = Plot(figsize=(11.0, 3.9), layout="constrained")
+    figure.suptitle(fill(title, 120), fontsize=10)
+    covers, width, risk = figure.subplots(1, 3)
     methods = palette_of(records)
     for marker, (method, colour) in zip(MARKERS, methods.items(), strict=False):
         own = of_method(records, method)
@@ -137,11 +137,23 @@ def reliability(records: Sequence[Record], level: float, span: float | None = No
     width.set(yscale="log", xlabel="object distance (m)", ylabel=f"median width of {level:.0%} intervals (cm)")
     of = "the distance" if span is None else "the range"
     risk.set(yscale="log", xlabel="patches kept, narrowest intervals first (%)", ylabel=f"their mean error (% of {of})")
-    seconds = [float(np.median([r.seconds for r in of_method(records, method)])) for method in methods]
-    cost.barh(list(methods), seconds, color=list(methods.values()))
-    cost.invert_yaxis()
-    cost.set(xscale="log", xlabel="median time of a patch on one core (s)")
     figure.legend(*covers.get_legend_handles_labels(), loc="outside lower center", ncols=len(methods))
+    return figure
+
+
+@styled
+def times(records: Sequence[Record], title: str = "") -> Figure:
+    """What methods cost. Apart from the other figures: it alone differs from run to run."""
+    methods = palette_of(records)
+    figure = Plot(figsize=(6.4, 1.3 + 0.35 * len(methods)), layout="constrained")
+    axis = figure.subplots()
+    axis.set_title(fill(title, 90))
+    seconds = [float(np.median([r.seconds for r in of_method(records, method)])) for method in methods]
+    bars = axis.barh(list(methods), seconds, color=list(methods.values()))
+    axis.bar_label(bars, fmt="%.2g s", padding=3)
+    axis.invert_yaxis()
+    axis.margins(x=0.12)
+    axis.set(xscale="log", xlabel="median time of a patch on one core (s)")
     return figure
 
 

@@ -2,6 +2,7 @@
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -147,17 +148,22 @@ class _Shared:
             outcome[seen & saturated] = OUTCOMES.index(Outcome.SATURATED)
         return Batch(distance, interval, outcome, weight, misfit)
 
-    @property
+    @cached_property
     def _nodes(self) -> Floats:
         """(FINE,) of the densities, in the even coordinate."""
         return np.linspace(self.bank.even.min(), self.bank.even.max(), FINE)
+
+    @cached_property
+    def _width(self) -> Floats:
+        """(FINE,) standard deviation of the errors of a table whose pixels have none, in nodes."""
+        return np.asarray(along(self.problem.table, self._nodes) / (self._nodes[1] - self._nodes[0]))
 
     def _densities(self, found: Search, noise: Floats) -> Floats:
         """(B, FINE) posteriors, as `psflut.grid` makes them."""
         table, nodes = self.problem.table, self._nodes
         sharp = mixed(tabulate(found.even, found.log_evidence, found.seen), self.bank.prior.gross)
         if table.psf_std is None:  # then the table's errors are the same for all
-            return widened(sharp, along(table, nodes) / (nodes[1] - nodes[0]))
+            return widened(sharp, self._width)
         sd = np.empty_like(sharp)
         for number, own in enumerate(noise):
             even, fit, bank, _ = solution(found, number, self.bank)

@@ -53,7 +53,7 @@ def make(family: str, name: str, settings: Mapping[str, Any]) -> Any:
     PsflutError
         For a setting that the part does not have, or a value that does not fit.
     """
-    from pydantic import TypeAdapter, ValidationError
+    from pydantic import ValidationError
 
     part = load(family, name)
     fields = [field.name for field in dataclasses.fields(part)]
@@ -61,9 +61,17 @@ def make(family: str, name: str, settings: Mapping[str, Any]) -> Any:
         if key not in fields:
             raise PsflutError(f"{name} has no setting {key!r}; it has {', '.join(fields) or 'none'}")
     try:
-        return TypeAdapter(part).validate_python(dict(settings))
+        return _adapter(family, name).validate_python(dict(settings))
     except ValidationError as error:
         raise refusal(name, error) from error
+
+
+@cache
+def _adapter(family: str, name: str) -> Any:
+    """What checks the settings of a part; it takes a millisecond to make."""
+    from pydantic import TypeAdapter
+
+    return TypeAdapter(load(family, name))
 
 
 def parse(family: str, text: str) -> Any:

@@ -56,7 +56,13 @@ def resumed(
     with claimed(folder):
         kept = Kept(folder, about)
         yield _going_on(job, pieces, work, kept)
-        shutil.rmtree(folder, ignore_errors=True)
+        for each in (folder, beginning(folder)):
+            shutil.rmtree(each, ignore_errors=True)
+
+
+def beginning(folder: Path) -> Path:
+    """Where the folder of pieces is made ready."""
+    return folder.with_name(f"{folder.name}.begun")
 
 
 def _going_on(job: Job, pieces: Sequence[Piece], work: Work, kept: "Kept") -> Iterator[Done]:
@@ -91,8 +97,8 @@ class Kept:
     def __init__(self, folder: Path, settings: Mapping[str, Any]) -> None:
         self.folder, self.settings = folder, json.loads(json.dumps(settings))
         try:
-            old = json.loads((folder / SETTINGS).read_text()) if (folder / SETTINGS).is_file() else self.settings
-        except ValueError:
+            old = json.loads((folder / SETTINGS).read_text()) if folder.exists() else self.settings
+        except (OSError, ValueError):
             old = None
         if old != self.settings:
             raise PsflutError(f"{folder} keeps an unfinished map of other settings; remove it, or choose another name")
@@ -109,13 +115,20 @@ class Kept:
         """Keep a piece, whole or not at all."""
         try:
             if not self.folder.is_dir():
-                self.folder.mkdir()
-                (self.folder / SETTINGS).write_text(json.dumps(self.settings))
+                self._begin()
             stage = self.folder / "part.npz"
             np.savez(stage, **vars(batch))
             stage.replace(self.path(piece))
         except OSError as error:
             raise PsflutError(f"cannot write {self.folder}: {error.strerror or error}; make room and go on") from error
+
+    def _begin(self) -> None:
+        """The folder, never without its settings: whoever is killed meanwhile leaves none."""
+        stage = beginning(self.folder)
+        shutil.rmtree(stage, ignore_errors=True)
+        stage.mkdir()
+        (stage / SETTINGS).write_text(json.dumps(self.settings))
+        stage.rename(self.folder)
 
     def path(self, piece: Piece) -> Path:
         """Of a piece's file."""

@@ -15,7 +15,8 @@ import zarr
 from children import command, duration, killed_after, start
 
 from calib.targets.point import Point
-from psflut import cli, gallery, store
+from psflut import capture, cli, gallery, mapping, store
+from psflut.demo import photograph
 from psflut.psfs.pupil import Pupil
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs kill -9")
@@ -202,6 +203,61 @@ def test_fifty_kills_of_compare(tmp_path, monkeypatch):
             assert not list((folder / "out").glob(".*"))
     print(f"compare: {counts}")
     assert counts["tried"] == 50
+    assert counts["wrong"] == 0
+
+
+MAP = ["depthmap", "../large.tif", "--table", "lab16mm", "--noise", "0.005", "-o", "map.zarr", "--stride"]
+
+
+def kills_of_maps(stride, counts_of_workers, folder, monkeypatch):
+    """Kill a map of a large capture, and go on: what was seen, in numbers."""
+    rng, scene = np.random.default_rng(10), photograph()
+    large = np.tile(
+        capture.simulate(scene, store.read_table("lab16mm"), 1.4, capture.Setup(noise="0.005"), 1)[0], (3, 3)
+    )
+    tifffile.imwrite(folder / "large.tif", large.astype(np.float32))
+    words, whole = [*MAP, stride, "--workers"], folder / "whole"
+    whole.mkdir()
+    code, pieces = mapped([*words, 1], monkeypatch, whole)
+    assert code == 0
+    expected = content(whole / "map.zarr")
+    counts = {"tried": 0, "killed": 0, "pieces kept": 0, "wrong": 0}
+    for workers, count in counts_of_workers:
+        seconds = duration(command, [*words, workers], _folder(folder), folder / "log")
+        for moment in moments(seconds, count, rng):
+            run = _folder(folder)
+            counts["tried"] += 1
+            counts["killed"] += killed_after(moment, command, [*words, workers], run, folder / "log")
+            kept = len(list(run.glob(".*/*-*-*.npz")))
+            counts["pieces kept"] += kept
+            if (run / "map.zarr").exists():
+                counts["wrong"] += content(run / "map.zarr") != expected
+                shutil.rmtree(run / "map.zarr")  # a kill after the map, before the pieces go
+            code, worked = mapped([*words, 1], monkeypatch, run)
+            assert (code, worked) == (0, pieces - kept)  # finished ones are not worked out again
+            counts["wrong"] += content(run / "map.zarr") != expected
+            assert [each.name for each in run.iterdir()] == ["map.zarr"]  # nothing is left behind
+    return counts
+
+
+def mapped(words, monkeypatch, folder):
+    """Run it in this process: its exit code, and how many pieces it worked out."""
+    made, solve = [], mapping.solve
+    with monkeypatch.context() as patch:
+        patch.setattr(mapping, "solve", lambda *w: (made.append(1), solve(*w))[1])
+        return here(words, monkeypatch, folder)[0], len(made)
+
+
+def test_killed_maps_leave_nothing_wrong_and_go_on(tmp_path, monkeypatch):
+    assert kills_of_maps(12, [(1, 2)], tmp_path, monkeypatch)["wrong"] == 0
+
+
+@pytest.mark.campaign
+def test_fifty_kills_of_a_large_map(tmp_path, monkeypatch):
+    counts = kills_of_maps(8, [(1, 40), (2, 10)], tmp_path, monkeypatch)
+    print(f"depthmap: {counts}")
+    assert counts["tried"] == 50
+    assert counts["killed"] > 35
     assert counts["wrong"] == 0
 
 

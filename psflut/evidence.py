@@ -4,7 +4,7 @@ A patch is g = h(z) * L * f + n. In annulus k its power P_k has the mean
 
     V_k(z, theta) = S_k(theta) |L|^2_k T_k(z) + N_k
 
-with S the scene's spectrum (`psflut.texture`), T the squared OTF as the taper's leakage leaves it (`Annuli.passed`),
+with S the scene's spectrum (`psflut.texture`), T the squared OTF as the taper's leakage leaves it (`psflut.leakage`),
 N the noise. Given V, P_k is gamma distributed with shape a_k (the annulus' effective bins):
 
     ln p(P | z, theta) = - sum_k a_k (ln V_k + P_k / V_k)  + what depends on P and a alone
@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 
 from psflut.imagers import Imager
+from psflut.leakage import passed
 from psflut.noise import Noise
 from psflut.spectrum import Annuli, annuli
 from psflut.table import PSFTable
@@ -84,13 +85,10 @@ def bank(table: PSFTable, shape: tuple[int, int], imager: Imager, prior: Texture
     """The bank of `count` candidates over the table's span for patches of that shape."""
     rings = annuli(shape)
     positions = table.candidates(count)
-    filtered = imager.transfer(rings.doubled) ** 2
-    response = rings.leaked(filtered)
-    attenuation = np.stack([rings.passed(filtered * table.power(rings.doubled, z)) for z in positions])
     return Bank(
         even=table.even(positions),
-        attenuation=np.maximum(attenuation, 0.0),
-        imager=response,
+        attenuation=np.maximum(passed(table.at(positions), shape, imager), 0.0),
+        imager=rings.leaked(imager.transfer(rings.doubled) ** 2),
         white=rings.white,
         basis=basis(rings.frequency, len(prior.mean)),
         shape=prior.shape(rings.effective, rings.place),

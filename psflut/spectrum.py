@@ -50,10 +50,6 @@ LOWEST = 2.5
 RISE = 0.125
 """Share of the side over which the taper rises, at either end."""
 
-STEEPNESS = 2.5
-"""Of the spectrum that leaks: S ~ f^-2.5, between power laws of photographs. 2 and 3 give the same distances to 0.05 %;
-without it (0) those of near objects came out 0.24 % too far."""
-
 
 @dataclass(frozen=True, eq=False)
 class Annuli:
@@ -111,32 +107,14 @@ class Annuli:
     def smear(self, power: NDArray[np.floating]) -> Floats:
         """What whitening and taper make of a power transfer function (H, W // 2 + 1): it convolved with the taper's
         power spectrum."""
-        return self._unwhitening * self._convolved(self._white * power)
+        return self.unwhitening * self._convolved(self._white * power)
 
     def pulled(self, change: NDArray[np.floating]) -> Floats:
         """The adjoint of `smear`: how a function of the smeared power changes with the power, both per bin."""
-        return self._white * self._convolved(self._unwhitening * change)
+        return self._white * self._convolved(self.unwhitening * change)
 
     def _convolved(self, power: Floats) -> Floats:
         return np.asarray(fft.rfft2(fft.irfft2(power, s=self.shape) * self._lag_window).real)
-
-    def passed(self, power: NDArray[np.floating]) -> Floats:
-        """Share of a scene's power that is left in each annulus by a power transfer function.
-
-        The taper smears the product of spectrum and transfer function, not the latter alone: where the transfer is
-        small, power leaks in from lower frequencies, of which a scene has more. So a typical spectrum, f^-`STEEPNESS`,
-        goes with it: mean of (S T) * W over mean of S * W, W being the taper's power spectrum.
-
-        Parameters
-        ----------
-        power : (2 H, W + 1) array
-            On the grid of `doubled`, fine enough for a convolution without wrapping.
-
-        Returns
-        -------
-        (K,) array
-        """
-        return np.asarray(self.leaked(power * self._scene) / self.leaked(self._scene))
 
     @property
     def doubled(self) -> tuple[int, int]:
@@ -146,8 +124,8 @@ class Annuli:
     def leaked(self, power: NDArray[np.floating]) -> Floats:
         """Mean of P in each annulus (K,) for a field with that power spectrum, on the grid of `doubled`."""
         whitened = power * whitening(self.doubled) ** 2
-        smeared = fft.rfft2(fft.irfft2(whitened, s=self.doubled) * self._lags).real[::2, ::2]
-        return self.mean(smeared * self._unwhitening)
+        smeared = fft.rfft2(fft.irfft2(whitened, s=self.doubled) * self.lags).real[::2, ::2]
+        return self.mean(smeared * self.unwhitening)
 
     @cached_property
     def white(self) -> Floats:
@@ -160,24 +138,17 @@ class Annuli:
         return whitening(self.shape) ** 2
 
     @cached_property
-    def _unwhitening(self) -> Floats:
-        """One over it; 0 at zero frequency, which no annulus holds."""
+    def unwhitening(self) -> Floats:
+        """(H, W // 2 + 1) one over that; 0 at zero frequency, which no annulus holds."""
         white = self._white
         return np.divide(1.0, white, out=np.zeros_like(white), where=white > 0)
 
     @cached_property
     def _scale(self) -> Floats:
-        return np.asarray(np.sqrt(self._unwhitening / np.sum(self.taper**2)))
+        return np.asarray(np.sqrt(self.unwhitening / np.sum(self.taper**2)))
 
     @cached_property
-    def _scene(self) -> Floats:
-        """A typical scene's spectrum on the doubled grid; level below the lowest frequency of the patch."""
-        height, width = self.doubled
-        frequency = np.hypot(fft.fftfreq(height)[:, None], fft.rfftfreq(width))
-        return np.asarray(np.maximum(frequency, 1.0 / min(self.shape)) ** -STEEPNESS)
-
-    @cached_property
-    def _lags(self) -> Floats:
+    def lags(self) -> Floats:
         """(2 H, 2 W) autocorrelation of the taper, 1 at lag zero."""
         lags = np.asarray(fft.irfft2(np.abs(fft.rfft2(self.taper, s=self.doubled)) ** 2, s=self.doubled))
         return np.asarray(lags / lags[0, 0])
@@ -186,7 +157,7 @@ class Annuli:
     def _lag_window(self) -> Floats:
         """(H, W) autocorrelation of the taper at the lags of a patch, 1 at lag zero."""
         near = [np.r_[0 : (n + 1) // 2, 2 * n - n // 2 : 2 * n] for n in self.shape]
-        return np.asarray(self._lags[np.ix_(*near)])
+        return np.asarray(self.lags[np.ix_(*near)])
 
 
 @lru_cache(maxsize=16)

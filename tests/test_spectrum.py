@@ -4,6 +4,9 @@ import numpy as np
 import pytest
 from scipy import fft
 
+from psflut.imagers.laplacian import Laplacian
+from psflut.imagers.plain import Plain
+from psflut.leakage import STEEPNESS, passed
 from psflut.spectrum import RISE, annular_power, annuli
 
 
@@ -46,6 +49,18 @@ def test_smear_predicts_the_mean_power_of_blurred_noise(lab16mm, rng):
     assert np.median(error) < 0.03
     assert np.max(error) < 0.25
     assert np.max(np.abs(np.log(seen / sharp))) > 1.0  # the control: without the smear
+
+
+@pytest.mark.parametrize("shape", [(64, 64), (97, 80)])
+@pytest.mark.parametrize("imager", [Plain(), Laplacian()], ids=["plain", "laplacian"])
+def test_what_is_passed_is_the_share_of_a_typical_scene_that_leaks(lab16mm, shape, imager):
+    """The definition, on the patch's own grid, one distance at a time."""
+    rings, positions = annuli(shape), np.array([0.97, 1.7, 3.1])
+    frequency = np.hypot(fft.fftfreq(rings.doubled[0])[:, None], fft.rfftfreq(rings.doubled[1]))
+    scene = np.maximum(frequency, 1 / min(shape)) ** -STEEPNESS
+    seen = scene * imager.transfer(rings.doubled) ** 2 * lab16mm.power(rings.doubled, positions)
+    expected = np.stack([rings.leaked(each) for each in seen]) / rings.leaked(scene)
+    np.testing.assert_allclose(passed(lab16mm.at(positions), shape, imager), expected, rtol=1e-6)
 
 
 def test_the_mean_does_not_count(rng):

@@ -1,6 +1,7 @@
 """The printed noise target: a picture that gives every PSF light at all frequencies, and discs to find it by."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import combinations
 
 import numpy as np
@@ -78,18 +79,8 @@ class NoiseTarget:
         return round((height - SIDE - FOOT) / CELL), round((width - 2 * SIDE) / CELL)
 
     def picture(self) -> Floats:
-        """The field and some white around it: 1 is white, 0 black; DOTS to a CELL."""
-        rows, columns = self.cells
-        noise = np.random.default_rng(self.seed).standard_normal((rows, columns))
-        cycles = np.hypot(fft.fftfreq(rows)[:, None], fft.rfftfreq(columns))
-        cycles[0, 0] = np.inf
-        field = fft.irfft2(fft.rfft2(noise) * cycles ** (-SLOPE / 2.0), noise.shape)
-        white = np.pad(np.kron(field > np.median(field), np.ones((DOTS, DOTS))), _dots(AROUND), constant_values=1.0)
-        y, x = np.indices(white.shape)
-        for disc in self.discs:
-            square = np.maximum(np.abs(y - disc[0]), np.abs(x - disc[1])) < _dots(CLEAR) / 2
-            white[square] = np.hypot(y - disc[0], x - disc[1])[square] > _dots(DISC) / 2
-        return white
+        """The field and some white around it: 1 is white, 0 black; DOTS to a CELL. Not to be written to."""
+        return _picture(self)
 
     @property
     def discs(self) -> Floats:
@@ -123,6 +114,23 @@ class NoiseTarget:
         if matrix is None:
             raise PsflutError("shows no noise target; all four discs and the white around them must be seen")
         return np.asarray(matrix)
+
+
+@lru_cache(maxsize=2)
+def _picture(target: NoiseTarget) -> Floats:
+    """Kept, as every frame asks for it."""
+    rows, columns = target.cells
+    noise = np.random.default_rng(target.seed).standard_normal((rows, columns))
+    cycles = np.hypot(fft.fftfreq(rows)[:, None], fft.rfftfreq(columns))
+    cycles[0, 0] = np.inf
+    field = fft.irfft2(fft.rfft2(noise) * cycles ** (-SLOPE / 2.0), noise.shape)
+    white = np.pad(np.kron(field > np.median(field), np.ones((DOTS, DOTS))), _dots(AROUND), constant_values=1.0)
+    y, x = np.indices(white.shape)
+    for disc in target.discs:
+        square = np.maximum(np.abs(y - disc[0]), np.abs(x - disc[1])) < _dots(CLEAR) / 2
+        white[square] = np.hypot(y - disc[0], x - disc[1])[square] > _dots(DISC) / 2
+    white.flags.writeable = False
+    return white
 
 
 def _dots(length: float) -> int:

@@ -107,6 +107,25 @@ def test_frames_of_266_patches(lab16mm, scene):
     assert ours < 2.2 * half  # linear but for the noise of timing
 
 
+def test_frames_a_second_of_a_sequence_by_two_processes(lab16mm, scene, tmp_path):
+    """psflut depthmap frames --workers 2, 640 x 480: what 40 frames take longer than 8, so that no start is counted."""
+    setup = Setup(noise=str(NOISE.read))
+    shots = [simulate(scene, lab16mm, z, setup, k)[0] for k, z in enumerate((1.1, 1.7, 2.6, 3.9))]
+    for k in range(40):
+        mosaic = np.block([[shots[(k + row + column) % 4] for column in range(3)] for row in range(2)])
+        tifffile.imwrite(tmp_path / f"{k:02}.tif", mosaic[:480, :640].astype(np.float32))
+
+    def wall(count):
+        words = ["depthmap", *(f"{k:02}.tif" for k in range(count)), "--table", "lab16mm", "--noise", "0.005"]
+        words += ["--workers", "2", "-o", f"{count}.zarr", "--overwrite"]
+        start = time.perf_counter()
+        subprocess.run([sys.executable, "-c", "from psflut.cli import main; main()", *words], cwd=tmp_path, check=True)
+        return time.perf_counter() - start
+
+    few, many = (min(wall(count) for _ in range(2)) for count in (8, 40))
+    print(f"\n{32 / (many - few):.1f} frames a second by two processes, files and intervals included")
+
+
 def test_the_posterior(lab16mm, lab_patch):
     """The bar is 2 s; a plain run asks for the same points one at a time, by the default move."""
     import emcee

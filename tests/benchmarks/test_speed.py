@@ -5,12 +5,15 @@
 Times are the least of several runs in processor time, which others on the machine disturb least.
 """
 
+import subprocess
+import sys
 import time
 import tracemalloc
 from functools import partial
 
 import numpy as np
 import pytest
+import tifffile
 from scipy import fft, ndimage
 from scipy.signal import fftconvolve
 from skimage import restoration
@@ -18,7 +21,7 @@ from skimage import restoration
 from psflut import chain, evidence, restore, texture
 from psflut.batch import estimate_all
 from psflut.candidates import solve_all
-from psflut.capture import capture, psf_of
+from psflut.capture import Setup, capture, psf_of, simulate
 from psflut.estimators.posterior import Posterior
 from psflut.grid import grid
 from psflut.imagers.plain import Plain

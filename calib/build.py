@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import make_smoothing_spline
+from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter, gaussian_filter1d
 
 from calib.targets import Measurement
@@ -112,13 +112,22 @@ def smooth(even: Floats, measurements: Sequence[Measurement]) -> Course:
 
 
 def _smoothers(even: Floats, sigma: Floats) -> Floats:
-    """(S, N, N) matrices of smoothing splines, from hardly to wholly smooth."""
+    """(S, N, N) matrices of smoothing splines, from hardly to wholly smooth.
+
+    The values f of a natural spline that least sum w (y - f)^2 + s f' K f, f' K f the integral of its second
+    derivative, squared: (W + s K)^-1 W, for all strengths s from one decomposition (Demmler and Reinsch 1975).
+    """
     unit = np.eye(len(even))
     if len(even) < LEAST_FOR_SPLINE:
         return unit[None]
     scaled = (even - even[0]) / (even[-1] - even[0])
-    weights = (sigma.min() / sigma) ** 2
-    return np.stack([unit, *(make_smoothing_spline(scaled, unit, weights, lam=each)(scaled) for each in STRENGTHS)])
+    bends, step = CubicSpline(scaled, unit, bc_type="natural")(scaled, 2), np.diff(scaled)
+    mass = np.diag(np.append(step, 0) + np.append(0, step)) / 3 + (np.diag(step, 1) + np.diag(step, -1)) / 6
+    root = sigma.min() / sigma
+    rough, waves = np.linalg.eigh(bends.T @ mass @ bends / np.outer(root, root))
+    rough[:2] = 0.0  # of a straight line
+    left = 1.0 / (1.0 + np.multiply.outer(STRENGTHS, rough))
+    return np.concatenate([unit[None], (waves * left[:, None]) @ waves.T * root / root[:, None]])
 
 
 def _strengths(misfits: Floats, matrices: Floats, sigma: Floats) -> NDArray[np.int_]:

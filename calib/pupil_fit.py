@@ -69,7 +69,7 @@ class Lens:
         """PSFs (M, size, size) at coordinates (M,), sum 1."""
         radius = np.clip(self.slope * (np.asarray(even) - self.focus), -0.49 * size, 0.49 * size)
         planes = radial_planes(radius, self.sampling, self.spherical, size)
-        planes = np.stack([gaussian_filter(plane, self.softness, mode="constant") for plane in planes])
+        planes = gaussian_filter(planes, (0.0, self.softness, self.softness), mode="constant")
         return np.asarray(planes / planes.sum(axis=(1, 2), keepdims=True))
 
 

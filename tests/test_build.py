@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from scipy.interpolate import make_smoothing_spline
 
-from calib.build import smooth
+from calib.build import STRENGTHS, _smoothers, smooth
 from calib.targets import Measurement
 from psflut.optics import Camera
 from psflut.psfs.pupil import Pupil
@@ -64,3 +65,13 @@ def test_few_positions_are_left_as_they_are(rng):
     even, _, measured = course(4, 1e-9, rng)
     found = smooth(even, measured)
     np.testing.assert_allclose(found.psf, np.stack([each.psf for each in measured]), atol=1e-6)
+
+
+def test_smoothers_are_scipys_smoothing_splines(rng):
+    even, sigma = np.linspace(0, 1, 16) + 0.02 * rng.standard_normal(16), rng.uniform(0.5, 2, 16)
+    scaled = (even - even[0]) / (even[-1] - even[0])
+    found = _smoothers(even, sigma)
+    np.testing.assert_array_equal(found[0], np.eye(16))
+    for each, strength in zip(found[1:], STRENGTHS, strict=True):
+        expected = make_smoothing_spline(scaled, np.eye(16), (sigma.min() / sigma) ** 2, lam=strength)(scaled)
+        np.testing.assert_allclose(each, expected, atol=1e-9)

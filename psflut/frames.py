@@ -1,7 +1,7 @@
 """Images and sequences of them, line by line: files of any size, whose pixels are read when they are asked for.
 
-A frame is an image file, a page of a TIFF, or a plane of an array in a ``.npy`` or ``.zarr`` file. What is mapped or
-chunked on disk (an uncompressed TIFF, .npy, .zarr) is never read whole; other files are.
+A frame is an image file, a page of a TIFF, one of a video, or a plane of an array in a ``.npy`` or ``.zarr`` file. What
+is mapped or chunked on disk (an uncompressed TIFF, .npy, .zarr) is never read whole; other files are.
 """
 
 import warnings
@@ -15,6 +15,7 @@ import numpy as np
 import zarr
 from numpy.typing import NDArray
 
+from psflut import videos
 from psflut.errors import PsflutError
 from psflut.images import Picture, decoded, page_shapes, read_raw
 from psflut.photographs import SUFFIXES
@@ -67,13 +68,17 @@ class Page(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Files:
-    """Frames on disk, as `read_image` decodes them. Whoever works on them must find them at the same paths."""
+    """Frames on disk, as `read_image` decodes them; the rate of a single video, frames a second.
+
+    Whoever works on them must find them at the same paths.
+    """
 
     names: tuple[str, ...]
     shape: tuple[int, int]
     pages: tuple[Page, ...]
     gamma: float = 1.0
     srgb: bool = False
+    rate: float | None = None
 
     def lines(self, frame: int, first: int, last: int) -> Picture:
         """Lines of a frame."""
@@ -100,7 +105,8 @@ def frames(paths: Sequence[str], gamma: float = 1.0, srgb: bool = False) -> File
             "one by one"
         )
     names = tuple(_name(name, page) for name, page, _ in pages)
-    return Files(names, shapes.pop(), tuple(page for _, page, _ in pages), gamma, srgb)
+    rate = videos.rate(named[0][1]) if len(named) == 1 and videos.is_video(named[0][1]) else None
+    return Files(names, shapes.pop(), tuple(page for _, page, _ in pages), gamma, srgb, rate)
 
 
 def _files(path: Path) -> list[Path]:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from psflut import rawfiles, tiffs
+from psflut import rawfiles, tiffs, videos
 from psflut.errors import PsflutError
 
 LUMINANCE = np.array([0.2125, 0.7154, 0.0721])
@@ -48,12 +48,13 @@ def read_image(path: Path, gamma: float = 1.0, srgb: bool = False, page: int | N
 
     Integers are divided by their full scale, floats are taken as they are and never clipped; ``gamma`` undoes
     an encoding by ``value ** gamma``, ``srgb`` the sRGB curve; colour becomes luminance, alpha is dropped.
-    Decoded are TIFF by tifffile, RAW by rawpy (the extra ``raw``) and whatever Pillow knows.
+    Decoded are TIFF by tifffile, RAW by rawpy (the extra ``raw``), video by PyAV (the extra ``video``) and whatever
+    Pillow knows.
 
     Parameters
     ----------
     page : int or None
-        Of a TIFF, from 0. Without it the file must hold a single picture.
+        Of a TIFF, or frame of a video, from 0. Without it the file must hold a single picture.
 
     Raises
     ------
@@ -87,7 +88,7 @@ def decoded(path: Path, raw: NDArray[Any], gamma: float = 1.0, srgb: bool = Fals
 
 
 def page_shapes(path: Path) -> tuple[tuple[int, int], ...]:
-    """Rows and columns of every page of an image file, from its headers.
+    """Rows and columns of every page of an image file, or frame of a video, from its headers.
 
     Raises
     ------
@@ -99,6 +100,8 @@ def page_shapes(path: Path) -> tuple[tuple[int, int], ...]:
             return tiffs.page_shapes(path)
         if rawfiles.is_raw(path):
             return (rawfiles.shape(path),)
+        if videos.is_video(path):
+            return videos.shapes(path)
         from PIL import Image
 
         with Image.open(path) as picture:
@@ -145,6 +148,8 @@ def _read(path: Path, page: int | None, mapped: bool = False) -> NDArray[Any]:
     with _one_sentence(path):
         if _is_tiff(path):
             return tiffs.read_page(path, page, mapped)
+        if videos.is_video(path):
+            return videos.read(path, page)
         if page:
             raise PsflutError(f"has one page, page 0, there is no page {page}; only a TIFF may have more")
         return rawfiles.read(path) if rawfiles.is_raw(path) else _read_picture(path.read_bytes())

@@ -66,7 +66,7 @@ FLOORS = [  # from the roof to the cellar; a module imports from lower floors on
     {"psflut.imagers", "psflut.psfs"},
     {"psflut.camera_file"},
     {"psflut.noise", "psflut.optics", "psflut.images", "psflut.writing"},
-    {"psflut.container", "psflut.family", "psflut.files", "psflut.tiffs", "psflut.rawfiles"},
+    {"psflut.container", "psflut.family", "psflut.files", "psflut.tiffs", "psflut.rawfiles", "psflut.videos"},
     {"psflut.units", "psflut.fourier", "psflut.subpixel", "psflut.card", "psflut.tiles"},
     {"psflut.errors"},
     {"psflut", "calib"},

@@ -22,8 +22,8 @@ def run(
         list[str],
         typer.Argument(
             metavar="IMAGE...",
-            help="Captures: PNG, TIFF of one page or many, .npy or .zarr (y, x) or (time, y, x), folders of pictures. "
-            "Several are a sequence.",
+            help="Captures: PNG, TIFF of one page or many, .npy or .zarr (y, x) or (time, y, x), folders of pictures, "
+            "videos (extra: video). Several are a sequence.",
         ),
     ],
     table: TableOption,
@@ -40,7 +40,9 @@ def run(
     ] = None,
     level: Annotated[float, typer.Option(min=0, max=1, help="Probability of the intervals.")] = 0.95,
     smooth: Annotated[bool, typer.Option("--smooth", help="Also smooth distances across patches that agree.")] = False,
-    rate: Annotated[float | None, typer.Option(help="Frames a second of a sequence, for its time axis.")] = None,
+    rate: Annotated[
+        float | None, typer.Option(help="Frames a second of a sequence, for its time axis. Default: a video's.")
+    ] = None,
     workers: Annotated[
         int | None,
         typer.Option(min=1, help=f"Processes, of one thread each. Default: one for every core from {MANY} pieces on."),
@@ -91,7 +93,7 @@ def run(
         done = stack.enter_context(resumed(job, pieces, work, kept, settings(job, images)))
         bar = stack.enter_context(tqdm(done, total=len(pieces), unit="piece", disable=None, smoothing=0))
         try:
-            found = assemble(job, bar, smooth=smooth, sequence=len(sequence.names) > 1, rate=rate)
+            found = assemble(job, bar, smooth=smooth, sequence=len(sequence.names) > 1, rate=rate or sequence.rate)
         except KeyboardInterrupt:
             if kept is not None:
                 count = len(list(kept.glob("*-*-*.npz")))

@@ -28,6 +28,7 @@ def test_an_edge_tells_its_distance_at_any_angle(lab16mm, angle):
         assert found.stats["misfit"] < 1.5
 
 
+@pytest.mark.campaign
 def test_intervals_cover_the_truth_as_often_as_they_say(lab16mm):
     """Twenty edges, blur radii of 4 to 8 pixels: 12 to 20 hits of 80 % intervals have a probability of 99 %."""
     rng, hits = np.random.default_rng(0), 0

@@ -124,8 +124,9 @@ def test_photons_widen_a_points_bound(lab16mm, found):
     assert np.all(counted.crb > found["point"].crb)
 
 
-def test_a_larger_patch_says_more_in_the_ratio_of_its_bins(lab16mm):
+def test_a_larger_patch_says_more_in_the_ratio_of_its_bins(lab16mm, monkeypatch):
     """Twice the side: about four times the bins, so half the bound, or less near zeros that it resolves."""
+    monkeypatch.setattr(limits, "COUNT", 25)
     small, large = (limits.bound(lab16mm, (n, n), NOISE, Plain()) for n in (128, 256))
     ratio = small.crb / large.crb
     assert np.all(ratio > 1.2)

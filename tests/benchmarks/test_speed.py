@@ -86,7 +86,11 @@ def test_a_patch_of_128_pixels_against_the_whole_table(lab16mm, lab_patch):
 
     batches()
     reference, ours = seconds(transforms(shots)) / PATCHES, seconds(batches) / PATCHES
-    print(f"\n{1e3 * ours:.2f} ms a patch, {1e3 * reference:.3f} ms a transform: {ours / reference:.0f} transforms")
+    print(
+        f"\n{1e3 * ours:.2f} ms a patch, {1e3 * reference:.3f} ms a transform: {ours / reference:.0f} transforms;",
+        end=" ",
+    )
+    print(f"{peak(batches):.0f} MB, {BATCH} patches at once")
     assert ours < 50 * reference
 
 
@@ -144,7 +148,8 @@ def test_the_posterior(lab16mm, lab_patch):
         sampler.run_mcmc(start, steps)
 
     ours, theirs = seconds(lambda: own.solve(problem), rounds=3), seconds(plain, rounds=1)
-    print(f"\n{ours:.2f} s with {steps} steps; a plain run of as many {theirs / ours:.1f} times as long")
+    print(f"\n{ours:.2f} s with {steps} steps; a plain run of as many {theirs / ours:.1f} times as long;", end=" ")
+    print(f"{peak(lambda: own.solve(problem)):.0f} and {peak(plain):.0f} MB")
     assert ours < theirs
 
 
@@ -191,7 +196,8 @@ def test_blind_richardson_lucy(blurred):
     def ours():
         restore.blind_richardson_lucy(image, disc, 20)
 
-    print(f"\n{seconds(plain, rounds=3) / seconds(ours, rounds=3):.2f} times as fast as a plain one")
+    print(f"\n{seconds(plain, rounds=3) / seconds(ours, rounds=3):.2f} times as fast as a plain one;", end=" ")
+    print(f"{peak(ours):.1f} and {peak(plain):.1f} MB")
 
 
 def convolved(image, kernel):

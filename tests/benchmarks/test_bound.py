@@ -22,7 +22,7 @@ from psflut.spectrum import annular_power
 pytestmark = pytest.mark.benchmark
 RECIPE = Path(__file__).parents[2] / "tables/lab16mm.toml"
 DISTANCES = (0.95, 1.3, 1.7, 2.3, 3.1, 4.1)
-NOISE, PATCH, FIELDS = Noise(0.005), 128, 300
+NOISE, PATCH, FIELDS = Noise(0.005), 128, 1200
 
 
 def test_the_sign_of_a_fifth_of_a_wave_of_spherical_aberration_changes_the_bound_several_fold():
@@ -43,7 +43,7 @@ FAR = pytest.param(4.1, marks=pytest.mark.xfail(reason="1.5: the bound rises thr
 
 @pytest.mark.parametrize("distance", [*DISTANCES[:-1], FAR])
 def test_matched_scenes_come_within_a_tenth_of_the_bound(lab16mm, distance):
-    """Chance moves the ratio by 4 % either way (one sigma), so 1.2 is asserted where the bar is 1.1.
+    """Chance moves the ratio by 2 % either way (one sigma), so 1.15 is asserted where the bar is 1.1.
 
     At 4.1 m it is missed, for the bound is local: it rises three-fold within 0.3 m.
     """
@@ -67,5 +67,5 @@ def test_matched_scenes_come_within_a_tenth_of_the_bound(lab16mm, distance):
     rmse = np.sqrt(np.mean(error**2))
     print(f"\n{distance} m: RMSE {rmse:.3%}, bound {least:.3%}: {rmse / least:.2f};", end=" ")
     print(f"bias {error.mean():+.3%}, 95 % covers {covered:.1%}")
-    assert rmse < 1.2 * least
+    assert rmse < 1.15 * least
     assert 0.9 < covered < 0.99

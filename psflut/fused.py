@@ -1,20 +1,20 @@
 """Two images of one scene made one, by Wiener inversion of both at a distance: F = w (H1* G1 / N1 + c H2* G2 / N2) / A.
 
-A = |H1|^2 / N1 + c^2 |H2|^2 / N2 and w = S A / (1 + S A) as in `psflut.crossed`, whose pairs are taken.
+A = |H1|^2 / N1 + c^2 |H2|^2 / N2 and w = S A / (1 + S A) as in `psflut.pair`.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from psflut.crossed import Crossing, Spectrum, otf
 from psflut.fourier import phase
+from psflut.pair import Pair, Spectrum, otf
 from psflut.spectrum import annuli
 
 Floats = NDArray[np.float64]
 
 
-def power(pair: Crossing, even: float, gain: float) -> Floats:
+def power(pair: Pair, even: float, gain: float) -> Floats:
     """(K,) power over noise of the images fused at a distance: of mean S A + 1 in each annulus of the patch."""
     rings, moved = annuli(pair.first.shape), phase(pair.first.shape, pair.shift)
     one, two = (rings.transformed(each.image) for each in (pair.first, pair.second))
@@ -22,7 +22,7 @@ def power(pair: Crossing, even: float, gain: float) -> Floats:
     return rings.mean(np.abs(fused) ** 2 / total)
 
 
-def restored(pair: Crossing, even: float, gain: float) -> Floats:
+def restored(pair: Pair, even: float, gain: float) -> Floats:
     """The ideal image (H, W) at a distance, in the first one's place: Wiener inversion of both together."""
     fused, total = _fused(pair, pair.spectra, pair.grid, even, gain)
     height, width = pair.first.shape
@@ -31,7 +31,7 @@ def restored(pair: Crossing, even: float, gain: float) -> Floats:
 
 
 def _fused(
-    pair: Crossing, spectra: tuple[Spectrum, Spectrum], grid: tuple[int, int], even: float, gain: float
+    pair: Pair, spectra: tuple[Spectrum, Spectrum], grid: tuple[int, int], even: float, gain: float
 ) -> tuple[Spectrum, Floats]:
     """H1* F1 / N1 + c H2* F2 / N2, and A."""
     noises = pair.noise(grid)

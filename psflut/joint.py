@@ -16,13 +16,14 @@ from scipy.interpolate import CubicSpline
 
 from psflut import fused
 from psflut.candidates import solve
-from psflut.crossed import Crossing, Residual, crossing
+from psflut.crossed import Residual, residual, told
 from psflut.density import Density, tails
 from psflut.errors import PsflutError
 from psflut.estimation import Problem
 from psflut.evidence import noise_power
 from psflut.grid import cached_bank
 from psflut.gross import with_gross_errors
+from psflut.pair import Pair, paired
 from psflut.spread import between, placement
 from psflut.table import PSFTable
 from psflut.units import format_length
@@ -104,23 +105,23 @@ def join(first: Problem, second: Problem, candidates: int) -> Joint:
     """The posterior of two captures of one shape, over the distances that both tables span."""
     low, high = np.sort(first.table.even(overlap(first.table, second.table)))
     coarse = np.linspace(low, high, max(candidates // COARSE, 5))
-    pair, found = _centred(crossing(first, second, coarse), coarse)
+    pair, found = _centred(paired(first, second, coarse), coarse)
     amplitude = _amplitude(pair, np.linspace(low, high, candidates), coarse, found)
 
     gain = float(found.gain[np.argmin(found.deviance)])
     dense = np.linspace(low, high, NODES)
     alone = Density(dense, amplitude(dense), first.table.position)
-    differ = pair.told(alone.quantile(tails(SURE)), gain) > WORTH
+    differ = told(pair, alone.quantile(tails(SURE)), gain) > WORTH
 
-    def rows(even: Floats, residual: Residual) -> Floats:
-        log = amplitude(even) + (residual.log_volume - residual.deviance if differ else 0.0)
-        return np.stack([even, log, residual.deviance])
+    def rows(even: Floats, found: Residual) -> Floats:
+        log = amplitude(even) + (found.log_volume - found.deviance if differ else 0.0)
+        return np.stack([even, log, found.deviance])
 
-    even, log, deviance = _refined(rows(coarse, found), lambda added: rows(added, pair.at(added)))
+    even, log, deviance = _refined(rows(coarse, found), lambda added: rows(added, residual(pair, added)))
     best = int(np.argmax(log))
     misfit = float(deviance[best] / pair.count)
     log = log + (deviance * (1 - 1 / max(misfit, 1.0)) if differ else 0.0)
-    at_best = pair.at(even[best])
+    at_best = residual(pair, even[best])
     gain, density = float(at_best.gain[0]), _density(first, second, even, log)
     return Joint(even, log, density, misfit, gain, at_best.shift[0], fused.restored(pair, even[best], gain))
 
@@ -145,21 +146,21 @@ def _refined(rows: Floats, look: Callable[[Floats], Floats]) -> Floats:
     return rows
 
 
-def _centred(pair: Crossing, even: Floats) -> tuple[Crossing, Residual]:
+def _centred(pair: Pair, even: Floats) -> tuple[Pair, Residual]:
     """The pair linearised about the shift that it shows, and its residuals."""
-    found = pair.at(even)
+    found = residual(pair, even)
     for _ in range(CENTRINGS):
         best = int(np.argmin(found.deviance))
         if np.max(np.abs(found.shift[best] - pair.shift)) < STILL:
             break
         closer = pair
         for _ in range(CENTRINGS):
-            closer = closer.recentred(np.clip(closer.at(even[best]).shift[0], -FARTHEST, FARTHEST))
-        pair, found = closer, closer.at(even)
+            closer = closer.recentred(np.clip(residual(closer, even[best]).shift[0], -FARTHEST, FARTHEST))
+        pair, found = closer, residual(closer, even)
     return pair, found
 
 
-def _amplitude(pair: Crossing, even: Floats, places: Floats, found: Residual) -> CubicSpline:
+def _amplitude(pair: Pair, even: Floats, places: Floats, found: Residual) -> CubicSpline:
     """ln p of the power spectrum of the images as fused where they agree best, against distance."""
     best = int(np.argmin(found.deviance))
     gain = float(found.gain[best])

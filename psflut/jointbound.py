@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft, linalg
 
-from psflut.crossed import Spectrum, crossing
 from psflut.estimation import Problem
 from psflut.fourier import once, slopes, transfer
+from psflut.pair import Spectrum, paired
 from psflut.spectrum import annuli
 from psflut.texture import FREQUENCIES, TexturePrior, basis
 
@@ -59,7 +59,7 @@ def bound(first: Problem, second: Problem, even: float, theta: Floats, prior: Te
     turns = (
         np.stack([b[0] * slope[1] - b[1] * slope[0], *(b[0] * b[1] * each for each in (1.0, *slopes(shape)))]) / total
     )
-    weight = crossing(first, second, span).freedom / (shape[0] * shape[1]) * once(shape) * 2 * share * snr
+    weight = paired(first, second, span).window.freedom / (shape[0] * shape[1]) * once(shape) * 2 * share * snr
     information = np.zeros((4 + len(theta),) * 2)
     information[:4, :4] = np.real(np.einsum("kl,ikl,jkl->ij", weight, turns.conj(), turns))
 

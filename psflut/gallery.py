@@ -66,7 +66,7 @@ def _of_captures(bench: Bench) -> Iterator[tuple[str, Any]]:
     yield "5.1.2-captures", plots.pictures(ends, title, 2, [name for name in ends if name.startswith(PSF)])
     found = {k: _estimates(bench, shot) for k, shot in enumerate((near, middle, far))}
     costs = {method: [result] for method, result in found[1].items()}
-    yield "4.2.2-cost", plots.curves(costs, [middle.truth])
+    yield "4.2.2-cost", plots.curves(costs, [middle.truth], plots.palette_of(bench.methods))
     shown = _restored((near, far), (found[0], found[2]))
     title = "what methods restored of the nearest and of the farthest object"
     yield (
@@ -98,7 +98,7 @@ def _restored(shots: Sequence[Shot], found: Sequence[dict[str, Estimate]]) -> di
 
 
 def _of_results(bench: Bench, records: Sequence[Record]) -> Iterator[tuple[str, Any]]:
-    span, about, palette = span_of(bench.table), _about(bench), plots.palette_of(records)
+    span, about, palette = span_of(bench.table), _about(bench), plots.palette_of(bench.methods)
     for known, numbers in ((False, ("5.2.2", "5.2.3", "5.2.4")), (True, ("5.2.5", "5.2.6", "5.2.7"))):
         some = [record for record in records if record.method.endswith(KNOWN) == known]
         if some:

@@ -33,6 +33,7 @@ def test_curves_show_truth_estimate_and_interval_in_every_panel(estimates):
 
 def test_one_capture_puts_the_methods_side_by_side(estimates):
     figure = plots.curves({name: found[:1] for name, found in estimates.items()}, [1.5])
+    assert all("(m)" in axis.get_xlabel() for axis in figure.axes)
     assert [axis.get_subplotspec().rowspan.start for axis in figure.axes] == [0, 0, 0]
 
 

@@ -1,11 +1,11 @@
 """Figures, a topic a file: results in, Figure out. One look, units on every axis."""
 
-from psflut.plots.comparison import agreement, palette_of, relative_errors, reliability, scatter, times
+from psflut.plots.comparison import agreement, relative_errors, reliability, scatter, times
 from psflut.plots.depthmaps import depthmap, risk_coverage
 from psflut.plots.estimates import curve, curves
 from psflut.plots.images import page, pictures
 from psflut.plots.limits import limits
-from psflut.plots.look import COLOURS, Plot, check_figure, save
+from psflut.plots.look import COLOURS, Plot, check_figure, palette_of, save
 from psflut.plots.optics import filters, otfs
 from psflut.plots.tables import psfs, ranges
 

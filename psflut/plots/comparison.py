@@ -1,6 +1,6 @@
 """Figures of a comparison: estimates, errors and scatter against the true distance (thesis 5.2.2 to 5.2.7)."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from textwrap import fill
 
 import numpy as np
@@ -11,28 +11,20 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from psflut.limits import Limits
-from psflut.plots.look import COLOURS, INK, TRUTH, Plot, styled
+from psflut.plots.look import INK, TRUTH, Palette, Plot, palette_of, styled
 from psflut.scores import BASELINE, at_positions, covered, errors, of_method, risk_coverage, scale, widths
 from psflut.trial import KNOWN, Record
 
 Floats = NDArray[np.floating]
-Palette = Mapping[str, str]
 
 MARKERS = "osD^vP"
 BAND = (5.0, 50.0, 95.0)
 """Percentiles: runs are shaded between the outer ones."""
 
 
-def palette_of(records: Sequence[Record]) -> dict[str, str]:
-    """The methods in the order in which they come, each with its colour; the same one whether told the scene or not."""
-    names = dict.fromkeys(record.method for record in records)
-    base = list(dict.fromkeys(name.removesuffix(KNOWN) for name in names))
-    return {name: COLOURS[base.index(name.removesuffix(KNOWN)) % len(COLOURS)] for name in names}
-
-
 def _coloured(records: Sequence[Record], palette: Palette | None) -> list[tuple[str, str]]:
     """(method, colour) of those that are there, by a palette that others share or their own."""
-    own = palette_of(records)
+    own = palette_of(record.method for record in records)
     return [(name, (palette or own)[name]) for name in own]
 
 
@@ -122,7 +114,7 @@ def reliability(records: Sequence[Record], level: float, span: float | None = No
     figure = Plot(figsize=(11.0, 3.9), layout="constrained")
     figure.suptitle(fill(title, 120), fontsize=10)
     covers, width, risk = figure.subplots(1, 3)
-    methods = palette_of(records)
+    methods = palette_of(record.method for record in records)
     for marker, (method, colour) in zip(MARKERS, methods.items(), strict=False):
         own = of_method(records, method)
         groups = at_positions(own)
@@ -144,7 +136,7 @@ def reliability(records: Sequence[Record], level: float, span: float | None = No
 @styled
 def times(records: Sequence[Record], title: str = "") -> Figure:
     """What methods cost. Apart from the other figures: it alone differs from run to run."""
-    methods = palette_of(records)
+    methods = palette_of(record.method for record in records)
     figure = Plot(figsize=(6.4, 1.3 + 0.35 * len(methods)), layout="constrained")
     axis = figure.subplots()
     axis.set_title(fill(title, 90))

@@ -6,35 +6,42 @@ from textwrap import fill
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from psflut.estimation import Estimate, Outcome
-from psflut.plots.look import COLOURS, INK, TRUTH, Plot, styled
+from psflut.plots.look import INK, TRUTH, Palette, Plot, palette_of, styled
 
 LOWEST_LOG = -60.0
 """Nats below its peak to which a log density is shown."""
 
 
 @styled
-def curves(results: Mapping[str, Sequence[Estimate]], truths: Sequence[float]) -> Figure:
+def curves(
+    results: Mapping[str, Sequence[Estimate]], truths: Sequence[float], palette: Palette | None = None
+) -> Figure:
     """What every method (rows) made of every candidate distance, for captures at `truths` (columns, metres).
 
-    With one capture the methods stand side by side instead, three in a row.
+    With one capture the methods stand side by side instead, three in a row. Colours are those of a palette that other
+    figures share, or their own.
     """
     shape = (len(results), len(truths)) if len(truths) > 1 else (-(-len(results) // 3), min(len(results), 3))
     figure = Plot(figsize=(3.2 * shape[1], 1.8 * shape[0] + 0.8), layout="constrained")
     grid = figure.subplots(*shape, squeeze=False)
-    for row, (colour, (method, estimates)) in enumerate(zip(COLOURS, results.items(), strict=False)):
+    colours = palette or palette_of(results)
+    for row, (method, estimates) in enumerate(results.items()):
         for column, (found, truth) in enumerate(zip(estimates, truths, strict=True)):
             axis = grid[row, column] if len(truths) > 1 else grid.flat[row]
-            curve(axis, found, colour)
+            curve(axis, found, colours[method])
             axis.axvline(truth, color=TRUTH, lw=1, ls="--", label="truth")
             axis.set_title(f"{method}, object at {truth:.4g} m")
-    for axis in grid[-1]:
+    for axis in grid[-1] if len(truths) > 1 else grid.flat:
         axis.set_xlabel("distance (m)")
     for axis in grid.flat[len(results) * len(truths) :]:
         axis.set_axis_off()
-    handles, labels = grid[0, 0].get_legend_handles_labels()
+    _, labels = grid[0, 0].get_legend_handles_labels()
+    handles = [Patch(color=INK, alpha=0.2, lw=0), Line2D([], [], color=INK, lw=1.5), grid[0, 0].lines[-1]]
     figure.legend(handles, labels, loc="outside lower center", ncols=3)
     return figure
 
@@ -50,7 +57,8 @@ def curve(axis: Axes, found: Estimate, colour: str) -> None:
         axis.hist(samples, bins=60, density=True, color=colour, alpha=0.8)
         reach = max(1.2 * (far - near), 1e-3)
         span = np.array([found.distance - reach, found.distance + reach])
-        axis.set(ylabel="density (1/m)", xlim=np.clip(span, samples.min() - 0.1 * reach, samples.max() + 0.1 * reach))
+        reached = np.clip(span, samples.min() - 0.1 * reach, samples.max() + 0.1 * reach)
+        axis.set(xlabel="distance (m)", ylabel="density (1/m)", xlim=reached)
     elif found.curve is not None and found.curve.label.startswith("log"):
         values = found.curve.value - np.max(found.curve.value)
         axis.plot(found.curve.position, values, color=colour, lw=1.2)

@@ -1,7 +1,7 @@
 """What all figures share: fonts, colours that colour-blind readers tell apart, and how they are shown and saved."""
 
 import io
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import wraps
 from pathlib import Path
 from typing import Any
@@ -13,11 +13,14 @@ from numpy.typing import NDArray
 
 from psflut.errors import PsflutError
 from psflut.files import refuse_overwrite, staged
+from psflut.trial import KNOWN
 
 Floats = NDArray[np.floating]
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 """Of Okabe and Ito, in the order in which methods take them."""
+
+Palette = Mapping[str, str]
 
 TRUTH, INK = "#222222", "#444444"
 LOOK: Any = {
@@ -37,6 +40,13 @@ LOOK: Any = {
     "image.cmap": "gray",
     "axes.formatter.min_exponent": 4,  # 0.1 and 40 on axes of logarithms, not powers of ten
 }
+
+
+def palette_of(methods: Iterable[str]) -> dict[str, str]:
+    """The methods in the order in which they come, each with its colour; the same one whether told the scene or not."""
+    names = list(dict.fromkeys(methods))
+    base = list(dict.fromkeys(name.removesuffix(KNOWN) for name in names))
+    return {name: COLOURS[base.index(name.removesuffix(KNOWN)) % len(COLOURS)] for name in names}
 
 
 class Plot(Figure):

@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import fft
+from scipy import fft, signal
 
 from psflut.fourier import continued, padded_shape, transfer
 
@@ -118,3 +118,9 @@ def _weights(psf: Reals, stride: int) -> tuple[Reals, NDArray[np.int64]]:
     y, x = np.nonzero(psf)
     more = (0, -len(y) % AT_ONCE)
     return np.pad(psf[y, x], more), np.pad(y * stride + x, more)
+
+
+def blurred(image: Reals, psf: Reals) -> Reals:
+    """h * f for an image (H, W) and a PSF (K, K), mirrored beyond its border as captures are."""
+    mirrored = np.pad(image, len(psf) // 2, mode="symmetric")
+    return np.asarray(signal.oaconvolve(mirrored, psf.astype(image.dtype, copy=False), mode="valid"))

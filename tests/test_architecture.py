@@ -51,6 +51,8 @@ FLOORS = [  # from the roof to the cellar; a module imports from lower floors on
     {"psflut.edges"},
     {"psflut.laplace"},
     {"psflut.restore"},
+    {"psflut.restore.blind", "psflut.restore.inversion", "psflut.restore.lucy"},
+    {"psflut.restore.intake", "psflut.restore.steps"},
     {"psflut.evidence", "psflut.focus", "psflut.density", "psflut.lines", "psflut.covariance"},
     {"psflut.tabulated", "psflut.reblur"},
     {"psflut.texture", "psflut.leakage"},

@@ -31,7 +31,7 @@ def test_transfer_convolves_about_the_middle(big):
     """With a lopsided PSF, which tells convolution from correlation and catches an offset."""
     psf = gaussian(1.5, 9, stretch=1.4, shift=1.0)
     image = big[:40, :45]
-    blurred = fft.irfft2(fft.rfft2(image) * restore.transfer(psf, image.shape), image.shape)
+    blurred = fft.irfft2(fft.rfft2(image) * fourier.transfer(psf, image.shape), image.shape)
     np.testing.assert_allclose(blurred, ndimage.convolve(image, psf, mode="wrap"), atol=1e-13)
 
 
@@ -67,7 +67,7 @@ def test_wiener_with_the_true_ratio_beats_other_ratios():
     frequency = np.hypot(fft.fftfreq(grid[0])[:, None], fft.rfftfreq(grid[1]))
     power = 1 / (1e-4 + frequency**2.5)
     scene = fft.irfft2(fft.rfft2(rng.normal(size=grid)) * np.sqrt(power), grid)
-    otf = restore.transfer(psf, grid)
+    otf = fourier.transfer(psf, grid)
     image = fft.irfft2(fft.rfft2(scene) * otf, grid) + rng.normal(0, noise, grid)
     ratio = noise**2 / power
     errors = []

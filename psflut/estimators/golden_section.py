@@ -14,7 +14,8 @@ from psflut.estimation import AbstractEstimator, Curve, Estimate, Outcome, Probl
 from psflut.focus import focus_measure, gaussian_window, noise_power
 from psflut.imagers.laplacian import Laplacian
 from psflut.imagers.plain import Plain
-from psflut.restore import blind_richardson_lucy, blurred, nonnegative, wiener
+from psflut.reblur import blurred
+from psflut.restore import blind_richardson_lucy, nonnegative, wiener
 
 Floats = NDArray[np.floating]
 Cost = Callable[[float], float]

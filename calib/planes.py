@@ -7,9 +7,8 @@ the code of this psflut among them, so that no plane of other code is ever taken
 import hashlib
 import os
 import shutil
-import zipfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -20,7 +19,7 @@ from numpy.typing import NDArray
 
 from calib.targets import Measurement, Shot, Target
 from psflut.errors import PsflutError
-from psflut.files import claimed
+from psflut.files import arrays_in, claimed
 from psflut.imagers import Imager
 
 Arrays = Mapping[str, NDArray[Any]]
@@ -43,11 +42,10 @@ class Planes:
         if self.folder is None:
             return make()
         file = self.folder / f"{_sha256(about)}.npz"
-        try:
-            with file.open("rb") as data, np.load(data, allow_pickle=False) as found:
-                return dict(found)
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):  # not there, or damaged
-            arrays = make()
+        found = arrays_in(file)
+        if found is not None:
+            return found
+        arrays = make()
         stage = file.with_suffix(".part")
         try:
             with stage.open("wb") as part:
@@ -95,7 +93,11 @@ def beside(table: Path) -> Iterator[Planes]:
             raise
         except OSError as error:
             raise PsflutError(f"cannot write {table}: {error.strerror or error}; make room or go elsewhere") from error
-        shutil.rmtree(folder, ignore_errors=True)
+        else:
+            shutil.rmtree(folder, ignore_errors=True)
+        finally:
+            with suppress(OSError):
+                folder.rmdir()  # where no plane was finished, nothing is left behind
 
 
 def _sha256(about: Sequence[object]) -> str:

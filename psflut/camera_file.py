@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from psflut.errors import PsflutError, refusal
 from psflut.optics import Camera
-from psflut.units import Length
+from psflut.units import Length, Pitch
 
 LARGEST_FILE = 65536
 """Bytes of a TOML file that is read: keys that nest without end take for ever."""
@@ -20,7 +20,7 @@ class CameraSettings(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
     focal_length: Length
-    pixel_pitch: Length
+    pixel_pitch: Pitch
     aperture_diameter: Length | None = None
     f_number: float | None = None
     focus_distance: Length | None = None
@@ -47,7 +47,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     try:
         if path.stat().st_size > LARGEST_FILE:
             raise ValueError(f"it has more than {LARGEST_FILE} bytes")
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except (ValueError, RecursionError, OSError) as error:
         raise PsflutError(f"{path} is not valid TOML ({error}); mend it there") from error
 

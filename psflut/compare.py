@@ -19,7 +19,7 @@ from psflut.journal import Journal
 from psflut.results import write_csv, write_rows, write_timings, write_zarr
 from psflut.scoreboard import markdown, rows, words
 from psflut.scores import scores
-from psflut.shots import fingerprint
+from psflut.shots import table_print
 from psflut.table import PSFTable
 from psflut.trial import KNOWN, Bench, Record, Unit
 
@@ -76,11 +76,9 @@ def run(bench: Bench, runs: Mapping[str, int], folder: Path, work: Work) -> Iter
 
 def settings(bench: Bench, runs: Mapping[str, int]) -> dict[str, Any]:
     """What decides on the results; plain JSON."""
-    table = bench.table
-    errors = [each for each in (table.psf_std, table.axis_std) if each is not None]
     return {
         "psflut": __version__,
-        "table": fingerprint(table.axis, table.psf, *errors),
+        "table": table_print(bench.table),
         "methods": {name: family.describe(part) for name, part in bench.methods.items()},
         "runs": dict(runs),
         "level": bench.level,

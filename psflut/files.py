@@ -8,9 +8,10 @@ import ctypes
 import os
 import shutil
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from psflut.errors import PsflutError
 
@@ -28,12 +29,20 @@ def refuse_overwrite(path: Path, overwrite: bool) -> None:
     try:
         if not path.parent.is_dir():
             raise PsflutError(f"{path.parent} is not a folder; make it before {path.name} is written there")
+        if not os.access(path.parent, os.W_OK):
+            raise PsflutError(f"{path.parent} cannot be written; choose another folder for {path.name}")
         if path.is_dir() and not (path / "zarr.json").is_file():
             raise PsflutError(f"{path} is a folder, which is never replaced; choose another name")
         if path.exists() and not overwrite:
             raise PsflutError(f"{path} exists; choose another name or pass --overwrite")
     except OSError as error:  # a name that is too long, say
         raise PsflutError(f"cannot write {path}: {error.strerror or error}; choose another name") from error
+
+
+def refuse_inputs(path: Path, inputs: Iterable[Path]) -> None:
+    """Refuse to write over what is read: not even --overwrite means that."""
+    if any(path.exists() and each.exists() and path.samefile(each) for each in inputs):
+        raise PsflutError(f"{path} is read, so it cannot be the output too; choose another name")
 
 
 @contextmanager
@@ -126,6 +135,17 @@ def _swapped(one: Path, other: Path) -> bool:
     except (AttributeError, OSError, TypeError):  # not Linux
         return False
     return bool(rename(HERE, os.fsencode(one), HERE, os.fsencode(other), SWAP) == 0)
+
+
+def arrays_in(file: Path) -> dict[str, Any] | None:
+    """The arrays of an .npz file, none of which is run; None where it is missing or damaged, as its checksums tell."""
+    import numpy as np
+
+    try:
+        with file.open("rb") as data, np.load(data, allow_pickle=False) as found:
+            return dict(found)
+    except (OSError, ValueError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile):
+        return None
 
 
 def pack(folder: Path, archive: Path) -> None:

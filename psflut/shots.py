@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from psflut import capture
+from psflut import capture, layout
 from psflut.errors import PsflutError
 from psflut.estimation import Observation
 from psflut.table import PSFTable
@@ -148,6 +148,12 @@ def between(table: PSFTable, count: int) -> tuple[float, ...]:
     gap = np.searchsorted(table.axis, even, side="right") - 1
     low, high = table.axis[gap], table.axis[gap + 1]
     return tuple(float(z) for z in low + MARGIN * (high - low) + (1 - 2 * MARGIN) * (even - low))
+
+
+def table_print(table: PSFTable) -> str:
+    """A short hash of all that estimates read of a table: its arrays, which are named, and the kind of its axis."""
+    arrays = layout.arrays_of(table)
+    return fingerprint(np.array([table.kind, *arrays]), *arrays.values())
 
 
 def fingerprint(*arrays: Any) -> str:

@@ -13,23 +13,26 @@ import numpy as np
 from psflut import __version__
 from psflut.batch import Batch
 from psflut.errors import PsflutError
-from psflut.files import claimed
+from psflut.files import arrays_in, claimed
+from psflut.frames import Files
 from psflut.mapping import Done, Job, Piece
-from psflut.shots import fingerprint
+from psflut.shots import table_print
 
 SETTINGS = "settings.json"
 
 Work = Callable[[Job, Sequence[Piece]], Iterator[Done]]
 
 
-def settings(job: Job, paths: Sequence[str]) -> dict[str, Any]:
+def settings(job: Job, frames: Files) -> dict[str, Any]:
     """What decides on the results of a job on files; plain JSON."""
-    files = [Path(path) for path in paths]
+    paths = dict.fromkeys(page.path for page in frames.pages)
+    files = [file for path in paths for file in (sorted(path.rglob("*")) if path.is_dir() else [path])]
     return {
         "psflut": __version__,
-        "table": fingerprint(job.table.axis, job.table.psf),
-        "files": [[str(path.resolve()), path.stat().st_mtime_ns, path.stat().st_size] for path in files],
-        "frames": list(job.frames.names),
+        "table": table_print(job.table),
+        "files": [[str(file.resolve()), file.stat().st_mtime_ns, file.stat().st_size] for file in files],
+        "frames": list(frames.names),
+        "encoding": [frames.gamma, frames.srgb],
         "tiles": asdict(job.tiles),
         "noise": asdict(job.noise),
         "imager": job.imager,
@@ -104,12 +107,9 @@ class Kept:
             raise PsflutError(f"{folder} keeps an unfinished map of other settings; remove it, or choose another name")
 
     def done(self, piece: Piece) -> Batch | None:
-        """A piece's estimates where they are kept."""
-        path = self.path(piece)
-        if not path.is_file():
-            return None
-        with np.load(path) as data:
-            return Batch(**data)
+        """A piece's estimates where they are kept whole; a damaged one is worked out again."""
+        found = arrays_in(self.path(piece))
+        return None if found is None else Batch(**found)
 
     def keep(self, piece: Piece, batch: Batch) -> None:
         """Keep a piece, whole or not at all."""

@@ -9,6 +9,7 @@ from pydantic import BeforeValidator
 from psflut.errors import PsflutError
 
 METRES = {"nm": 1e-9, "um": 1e-6, "µm": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "km": 1e3}
+LARGEST_PITCH = 1e-3
 _LENGTH = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\s\d]+)\s*")
 
 
@@ -31,6 +32,20 @@ def parse_length(text: object) -> float:
     return metres
 
 
+def parse_pitch(text: object) -> float:
+    """Metres from one pixel to the next, from text such as ``"6 um"``; no camera has pixels of more than a millimetre.
+
+    Raises
+    ------
+    PsflutError
+        If the text is no length, or not that of a pixel.
+    """
+    metres = parse_length(text)
+    if not 0 < metres <= LARGEST_PITCH:
+        raise PsflutError(f"a pixel is at most {format_length(LARGEST_PITCH)} wide, got {text!r}; check the unit")
+    return metres
+
+
 def format_length(metres: float) -> str:
     """Text that `parse_length` reads back, in the unit that a person would choose."""
     size = abs(metres)
@@ -42,3 +57,6 @@ def format_length(metres: float) -> str:
 
 Length = Annotated[float, BeforeValidator(parse_length)]
 """A pydantic field in metres that is written as text with a unit."""
+
+Pitch = Annotated[float, BeforeValidator(parse_pitch)]
+"""The same of a pixel's side."""

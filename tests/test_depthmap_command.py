@@ -2,12 +2,17 @@
 
 import json
 import warnings
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 import tifffile
 
 from psflut import capture, mapping, store
+from psflut.batch import Batch
+from psflut.frames import frames
+from psflut.noise import Noise
+from psflut.unfinished import Kept, settings
 from psflut.writing import write_tiff
 
 WORDS = ("--table", "lab16mm", "--noise", "0.005", "--stride", "64")
@@ -98,12 +103,39 @@ def test_a_run_that_was_stopped_goes_on(run, file, tmp_path, monkeypatch, capsys
     words = ("depthmap", file, *WORDS, "-o", tmp_path / "map.tif")
     assert run(*words) == 130
     assert "1 of 2 pieces are done" in capsys.readouterr().err
-    assert run(*words, "--level", "0.5") == 2
-    assert "unfinished map of other settings" in capsys.readouterr().err
+    for other in (("--level", "0.5"), ("--gamma", "1.1")):
+        assert run(*words, *other) == 2
+        assert "unfinished map of other settings" in capsys.readouterr().err
     solved.append(None)  # no more interruptions
     assert run(*words) == 0
     assert [piece.first for piece in solved if piece] == [0, 1]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["in", "map.tif"]
+
+
+def test_a_map_goes_on_only_where_all_that_decides_is_the_same(taken, lab16mm, tmp_path):
+    def found(table=lab16mm, **encoding):
+        sequence = frames([str(tmp_path)], **encoding)
+        return settings(mapping.plan(sequence, table, 64, 64, Noise(0.005), None, 0.95), sequence)
+
+    frames_of("folder", taken, tmp_path)
+    one = found()
+    assert found() == one
+    assert one not in (found(gamma=2.0), found(srgb=True))
+    assert found(replace(lab16mm, axis_std=np.full(len(lab16mm.axis), 0.01))) != one
+    picture = tmp_path / "1.tif"
+    picture.write_bytes(picture.read_bytes() + b"x")  # the folder itself stays as old as it was
+    assert found() != one
+
+
+def test_a_damaged_piece_is_worked_out_again(tmp_path):
+    piece, batch = mapping.Piece(0, 0, 1), Batch(*(np.arange(3.0) for _ in fields(Batch)))
+    kept = Kept(tmp_path / "kept", {})
+    kept.keep(piece, batch)
+    assert np.array_equal(kept.done(piece).distance, batch.distance)
+    raw = kept.path(piece).read_bytes()
+    for damaged in (raw[:-9], raw[:200] + b"x" + raw[201:], b""):
+        kept.path(piece).write_bytes(damaged)
+        assert kept.done(piece) is None
 
 
 @pytest.mark.parametrize(

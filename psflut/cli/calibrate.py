@@ -59,18 +59,20 @@ def run(
     from psflut.camera_file import read_camera
     from psflut.store import check_target, write_table
     from psflut.summary import summarise, words
-    from psflut.units import parse_length
+    from psflut.units import parse_length, parse_pitch
 
     lens = None if camera is None else read_camera(camera)
     if (lens is None) == (pixel_pitch is None):
         raise PsflutError("a table needs its pixel pitch: give either --camera or --pixel-pitch")
-    pitch = lens.pixel_pitch if lens else parse_length(pixel_pitch)
+    pitch = lens.pixel_pitch if lens else parse_pitch(pixel_pitch)
     part, filtering = family.parse("calib.targets", target), family.parse("psflut.imagers", imager)
     part = _with_reference(part, reference, gamma, srgb)
     if model not in (None, "pupil"):
         raise PsflutError(f"the model that can be fitted is pupil, got {model!r}; give that")
     assessment = Assessment(None if placement is None else parse_length(placement), model is not None, planes)
     check_target(output, overwrite)
+    if figure is not None and figure == check_figure:
+        raise PsflutError(f"{figure} cannot hold both figures; name two files")
     for drawing in (figure, check_figure):
         if drawing is not None:
             from psflut import plots

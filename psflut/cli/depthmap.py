@@ -65,6 +65,7 @@ def run(
 
     from psflut.assembly import assemble
     from psflut.cluster import cluster
+    from psflut.files import refuse_inputs
     from psflut.frames import frames
     from psflut.mapfiles import check_map, write_map
     from psflut.mapping import plan, solve
@@ -83,14 +84,15 @@ def run(
     sequence = frames(images, gamma, srgb)
     for path in outputs:
         check_map(path, overwrite, len(sequence.names))
-    middle = sequence.lines(0, 0, min(sequence.shape[0], size)).image
+        refuse_inputs(path, {page.path for page in sequence.pages})
+    middle = sequence.lines(0, 0, min(sequence.shape[0], max(size, 1))).image
     job = plan(sequence, tabled, size, stride, None if noise is None else parse_noise(noise, middle), imager, level)
     pieces = job.pieces()
     count = workers or (cores() if len(pieces) >= MANY else 1)
     work = partial(cluster, address=scheduler, work=solve) if scheduler else partial(local, count=count, work=solve)
     kept = outputs[0].with_name(f".{outputs[0].name}.unfinished") if outputs else None
     with ExitStack() as stack:
-        done = stack.enter_context(resumed(job, pieces, work, kept, settings(job, images)))
+        done = stack.enter_context(resumed(job, pieces, work, kept, settings(job, sequence)))
         bar = stack.enter_context(tqdm(done, total=len(pieces), unit="piece", disable=None, smoothing=0))
         try:
             found = assemble(job, bar, smooth=smooth, sequence=len(sequence.names) > 1, rate=rate or sequence.rate)
@@ -111,10 +113,10 @@ def run(
 
 
 def _check_pitch(text: str | None, pitch: float) -> None:
-    from psflut.units import format_length, parse_length
+    from psflut.units import format_length, parse_pitch
 
-    if text is not None and abs(parse_length(text) / pitch - 1.0) > 1e-6:
+    if text is not None and abs(parse_pitch(text) / pitch - 1.0) > 1e-6:
         raise PsflutError(
-            f"the images have pixels of {format_length(parse_length(text))}, the table of {format_length(pitch)}; "
+            f"the images have pixels of {format_length(parse_pitch(text))}, the table of {format_length(pitch)}; "
             "give the table of their camera"
         )

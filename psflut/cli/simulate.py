@@ -38,6 +38,7 @@ def run(
     from dataclasses import asdict, replace
 
     from psflut import capture
+    from psflut.files import refuse_inputs
     from psflut.images import read_image
     from psflut.table import PSFTable
     from psflut.units import parse_length
@@ -49,6 +50,7 @@ def run(
     for path in (output, ideal):
         if path is not None:
             check_tiff(path, overwrite)
+            refuse_inputs(path, [image])
     source = _source(camera, table)
     setup = capture.setup_of(source)
     asked: dict[str, Any] = {"imager": imager, "normalise": normalise, "noise": noise, "bits": bits, "gain": gain}

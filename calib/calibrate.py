@@ -25,6 +25,7 @@ from psflut.imagers import Imager
 from psflut.noise import Noise
 from psflut.optics import Camera
 from psflut.table import PSFTable
+from psflut.units import format_length
 
 Floats = NDArray[np.float64]
 
@@ -98,6 +99,11 @@ def calibrate(
     encoding = encoding or Encoding()
     if not 3 <= size <= LARGEST_SIZE or size % 2 == 0:
         raise PsflutError(f"the size of a PSF must be odd, from 3 to {LARGEST_SIZE} pixels, got {size}")
+    if camera and manifest.kind == "distance" and min(manifest.positions) <= camera.focal_length:
+        raise PsflutError(
+            f"{manifest.path} has distances from {format_length(min(manifest.positions))}, within the focal length of "
+            f"{format_length(camera.focal_length)}; check the unit of its column"
+        )
     singles = None if modes is None else Singles.named(manifest, target, modes)
     alone: list[list[Measurement | None]] = []
 

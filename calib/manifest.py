@@ -140,7 +140,7 @@ def _read_csv(path: Path) -> tuple[list[str], list[tuple[int, dict[str, str]]]]:
 def _position_column(columns: list[str]) -> str:
     unknown = [name for name in columns if name not in COLUMNS]
     if unknown:
-        raise PsflutError(f"unknown column {unknown[0]!r}; it may have {', '.join(COLUMNS)}")
+        raise PsflutError(f"unknown column {unknown[0]!r}; it may have {', '.join(COLUMNS)}, with commas between")
     if len(set(columns)) < len(columns):
         raise PsflutError(f"a column is there twice, got {', '.join(columns)}; keep one of them")
     if "file" not in columns:

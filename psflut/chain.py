@@ -89,7 +89,9 @@ def sample(found: Grid, steps: int, walkers: int, seed: int, free_noise: bool = 
     state = emcee.State(start, random_state=np.random.RandomState(seed).get_state())
     while sampler.iteration < steps:
         state = sampler.run_mcmc(state, min(BLOCK, steps - sampler.iteration))
-        chain = Chain(sampler.get_chain(), sampler.get_log_prob(), sampler.get_autocorr_time(tol=0))
+        with np.errstate(invalid="ignore"):  # of a walker that has not moved
+            times = sampler.get_autocorr_time(tol=0)
+        chain = Chain(sampler.get_chain(), sampler.get_log_prob(), times)
         if chain.converged:
             break
     return chain

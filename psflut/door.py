@@ -39,8 +39,7 @@ def door(observation: Observation, table: PSFTable, method: Method, level: float
         For a patch that is smaller than the table's PSF, not finite, or negative though the imager is not signed; for
         a known scene or second image that the method does not use; for a level that is no probability.
     """
-    if not 0 < level < 1:
-        raise PsflutError(f"level is a probability between 0 and 1, got {level}")
+    check_level(level)
     image = _sound(observation.image, table.size)
     imager = family.parse("psflut.imagers", observation.imager or table.imager)
     source, noise = _noise(observation, table, image)
@@ -51,6 +50,12 @@ def door(observation: Observation, table: PSFTable, method: Method, level: float
         )
     known, second = _known(observation, method), _second(observation, imager, method, level)
     return Problem(image, table, imager, noise, source, level, known, second)
+
+
+def check_level(level: float) -> None:
+    """Refuse what is no probability."""
+    if not 0 < level < 1:
+        raise PsflutError(f"level is a probability between 0 and 1, got {level}; 0.95 is usual")
 
 
 def _sound(image: NDArray[Any], least: int) -> Floats:

@@ -15,6 +15,9 @@ Floats = NDArray[np.float64]
 REACH = 3.0
 """How far from an edge its blur is looked at: so many sigma of its spread, and 2 pixels."""
 
+SMOOTHEST = 100
+"""Pixels over which a frame is smoothed before edges are looked for, at most."""
+
 CLEAR = 2.0
 """How far its pixels keep from corners and other edges: so many sigma of its spread, and 1 pixel."""
 
@@ -80,6 +83,10 @@ class Search:
     smooth: float = 2.0
     near: float = 50.0
     alike: float = 0.4
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.smooth <= SMOOTHEST:
+            raise PsflutError(f"smooth must be from 0 to {SMOOTHEST} pixels, got {self.smooth:g}; 2 is usual")
 
     def edges(
         self, image: Floats, size: int, imager: Imager, centre: tuple[float, float] | None = None

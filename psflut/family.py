@@ -9,6 +9,7 @@ import dataclasses
 import importlib
 import inspect
 import json
+import math
 import pkgutil
 from collections.abc import Mapping
 from functools import cache
@@ -61,9 +62,14 @@ def make(family: str, name: str, settings: Mapping[str, Any]) -> Any:
         if key not in fields:
             raise PsflutError(f"{name} has no setting {key!r}; it has {', '.join(fields) or 'none'}")
     try:
-        return _adapter(family, name).validate_python(dict(settings))
+        made = _adapter(family, name).validate_python(dict(settings))
     except ValidationError as error:
         raise refusal(name, error) from error
+    for key in settings:
+        value = getattr(made, key)
+        if isinstance(value, float) and not math.isfinite(value):
+            raise PsflutError(f"{name}: {key} must be a finite number, got {value}; mend it")
+    return made
 
 
 @cache

@@ -71,7 +71,7 @@ def _of_captures(bench: Bench) -> Iterator[tuple[str, Any]]:
     title = "what methods restored of the nearest and of the farthest object"
     yield (
         "5.2.1-restored",
-        plots.pictures(shown, title, len(shown) // 2, [name for name in shown if name.startswith(PSF)]),
+        plots.pictures(shown, title, -(-len(shown) // 2), [name for name in shown if name.startswith(PSF)]),
     )
 
 

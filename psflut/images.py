@@ -158,6 +158,8 @@ def _read(path: Path, page: int | None, mapped: bool = False) -> NDArray[Any]:
 @contextmanager
 def _one_sentence(path: Path) -> Iterator[None]:
     """Whatever goes wrong with an image file, as one sentence that names it."""
+    if path.is_dir():
+        raise PsflutError(f"{path} is a folder; name an image in it")
     if not path.is_file():
         raise PsflutError(f"no image file at {path}; check the path")
     if path.stat().st_size == 0:

@@ -12,6 +12,9 @@ from psflut.errors import PsflutError
 THESIS_READINGS = ("variance", "relative")
 """The thesis adds noise with "variance 0.1 % of the image gray levels", which can be read in two ways."""
 
+LEAST, MOST = 1e-30, 1e30
+"""Of a read sigma and a gain: their squares and sums of those are still numbers."""
+
 
 @dataclass(frozen=True)
 class Noise:
@@ -29,7 +32,7 @@ class Noise:
     Raises
     ------
     PsflutError
-        If read or gain is not positive and finite.
+        If read or gain is not between `LEAST` and `MOST`.
     """
 
     read: float
@@ -38,8 +41,10 @@ class Noise:
 
     def __post_init__(self) -> None:
         for name, value in (("noise", self.read), ("gain", 1.0 if self.gain is None else self.gain)):
-            if not (np.isfinite(value) and value > 0):
-                raise PsflutError(f"{name} must be positive and finite, got {value}; image units run from 0 to 1")
+            if not LEAST < value < MOST:
+                raise PsflutError(
+                    f"{name} must be positive, from {LEAST:g} to {MOST:g}, got {value:g}; image units run from 0 to 1"
+                )
 
     def shot_variance(self, signal: ArrayLike) -> NDArray[np.float64]:
         """Variance of the photon noise at a level (image units), or at several."""

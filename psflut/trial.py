@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from psflut import family
+from psflut.door import check_level
 from psflut.errors import PsflutError
 from psflut.estimation import AbstractEstimator, estimate
 from psflut.shots import Measured, Shot, Simulated
@@ -66,6 +67,9 @@ class Bench:
     methods: Mapping[str, AbstractEstimator]
     level: float = 0.95
     seed: int = 0
+
+    def __post_init__(self) -> None:
+        check_level(self.level)
 
 
 def method(name: str) -> AbstractEstimator:

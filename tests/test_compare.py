@@ -104,8 +104,8 @@ def test_a_file_in_the_way_is_refused(bench, tmp_path):
 
 
 def test_a_refusal_in_a_process_comes_as_one_sentence(bench, tmp_path):
-    spoilt = replace(bench, methods={name: method("point") for name in METHODS[:1]}, level=2.0)
-    with pytest.raises(PsflutError, match=r"wiener, scene at .* m: level is a probability"):
+    spoilt = replace(bench, methods={name: method("two_image+scene") for name in METHODS[:1]})
+    with pytest.raises(PsflutError, match=r"wiener, scene at .* m: two_image compares"):
         go(spoilt, tmp_path, lambda *words: local(*words, 2))
 
 

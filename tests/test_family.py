@@ -28,6 +28,15 @@ def test_describe_and_parse_are_inverse(group, name):
     assert family.parse(group, family.describe(part)) == part
 
 
+@pytest.mark.parametrize(("group", "name"), PARTS)
+def test_no_setting_takes_what_is_no_number(group, name):
+    for field in dataclasses.fields(family.load(group, name)):
+        if isinstance(field.default, float):
+            for text in ("nan", "inf", "-inf"):
+                with pytest.raises(PsflutError):
+                    family.parse(group, f"{name}:{field.name}={text}")
+
+
 def test_lists_ride_on_names_too():
     pupil = family.parse("psflut.psfs", "pupil:zernikes=[[4, 0, 0.2]]:wavelengths=[5e-7, 6e-7]")
     assert pupil.zernikes == ((4, 0, 0.2),)

@@ -22,6 +22,9 @@ FOUND_SIGMAS = 6.0
 UNLIKE, UNLIKE_MADS = 2.0, 5.0
 """A point is unlike the rest if its residual power is so many times, and robust deviations above, the median."""
 
+OVERSAMPLINGS = (1, 3, 5, 7)
+"""Beyond 7 the fit takes gigabytes and says no more."""
+
 COARSE_ROUNDS = 5
 """Of a first fit by Fourier shifts, which settles the places."""
 
@@ -76,6 +79,18 @@ class Point(Target):
     separation: float = 1.0
     oversampling: int = 3
     rounds: int = 15
+
+    def __post_init__(self) -> None:
+        if not (self.pinhole >= 0 and self.least_snr > 0 and self.separation > 0):
+            raise PsflutError(
+                "point takes a pinhole of 0 pixels or more, a signal-to-noise ratio and a separation above 0, got "
+                f"{self.pinhole:g}, {self.least_snr:g} and {self.separation:g}"
+            )
+        if self.oversampling not in OVERSAMPLINGS or self.rounds < 1:
+            raise PsflutError(
+                f"point takes an oversampling of {', '.join(map(str, OVERSAMPLINGS))} and one round or more, got "
+                f"{self.oversampling} and {self.rounds}"
+            )
 
     def measure(self, shots: Sequence[Shot], size: int, imager: Imager) -> Measurement:
         """See `Target`. Standard errors are those of independent noise, as large as the residuals say.

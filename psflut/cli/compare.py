@@ -89,6 +89,8 @@ def run(
     names = [name.strip() for name in method.split(",")] if method else compare.default_methods(captures is None)
     parts = {name: trial.method(name) for name in names}
     known = [name for name in names if name.endswith(trial.KNOWN)]
+    if captures is not None and images is not None:
+        raise PsflutError("captures are real frames or made of pictures; give either --captures or --images")
     if captures is not None and known:
         raise PsflutError(f"{known[0]} needs the ideal image, which real frames do not have; leave {trial.KNOWN} away")
     shots = (

@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 NOISE = "0.005"
 """Of simulated captures where neither option nor table says: read sigma, full scale 1."""
 
+MOST = 1_000_000
+"""Captures: weeks of work, and what is kept of them in memory."""
+
 
 class Encoding(NamedTuple):
     """How image files encode intensity, as `images.read_image` takes it."""
@@ -42,6 +45,8 @@ def simulated(
     from psflut.photographs import choose
     from psflut.shots import Simulated, between
 
+    if distances * runs > MOST:
+        raise PsflutError(f"a comparison has at most {MOST:,} captures, got {distances:,} x {runs:,}; take fewer")
     setup = capture.setup_of(table)
     setup = replace(setup, noise=noise or setup.noise or NOISE, imager=imager or setup.imager)
     if table.provenance.get("model") is None:

@@ -74,10 +74,10 @@ class GoldenSection(AbstractEstimator):
     uses_scene: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        if self.redraws < 2 or self.iterations < 1 or not 0 < self.tolerance < 1:
+        if self.redraws < 2 or self.iterations < 1 or not 0 < self.tolerance < 1 or self.seed < 0:
             raise PsflutError(
-                "golden_section needs redraws >= 2, iterations >= 1 and a tolerance between 0 and 1, "
-                f"got {self.redraws}, {self.iterations} and {self.tolerance}"
+                "golden_section needs redraws >= 2, iterations >= 1, a tolerance between 0 and 1 and a seed >= 0, "
+                f"got {self.redraws}, {self.iterations}, {self.tolerance} and {self.seed}"
             )
 
     def solve(self, problem: Problem) -> Estimate:

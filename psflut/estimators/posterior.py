@@ -16,6 +16,9 @@ from psflut.predictive import predict
 
 Floats = NDArray[np.float64]
 
+MOST_WALKERS, MOST_DRAWS = 10_000, 10_000_000
+"""They are kept in memory: so many draws of seven numbers take 600 MB."""
+
 
 @dataclass(frozen=True)
 class Posterior(AbstractEstimator):
@@ -53,6 +56,11 @@ class Posterior(AbstractEstimator):
             raise PsflutError(
                 "posterior needs at least one step, an even number of walkers and a seed that is not negative, "
                 f"got {self.steps}, {self.walkers} and {self.seed}"
+            )
+        if self.walkers > MOST_WALKERS or self.walkers * self.steps > MOST_DRAWS:
+            raise PsflutError(
+                f"posterior keeps at most {MOST_DRAWS:,} draws of {MOST_WALKERS:,} walkers, got {self.steps:,} steps "
+                f"of {self.walkers:,}; take fewer"
             )
 
     def solve(self, problem: Problem) -> Estimate:

@@ -224,6 +224,7 @@ RECIPES = {
 ESTIMATE = ["estimate", "image.tif", "--table", "lab16mm", "--noise", "0.01"]
 SIMULATE = ["simulate", "image.png", "--table", "lab16mm", "--distance", "1.2 m", "-o", "o.tif"]
 COMPARE = ["compare", "--table", "lab16mm", "--images", "camera", "--method", "wiener", "-o", "out"]
+DEPTHMAP = ["depthmap", "image.tif", "--table", "lab16mm", "--noise", "0.01"]
 LIMITS = ["limits", "--table", "lab16mm"]
 MEASURE = ["calibrate", "captures.csv", "--target", "point", "--pixel-pitch", "6 um", "-o", "n.zarr"]
 REPORT = ["report", "image.tif", "--table", "lab16mm", "-o", "r.html"]
@@ -385,6 +386,21 @@ OPTIONS = [
     ["check", "t.zarr", "captures.csv"],
     ["check", "t.zarr", "nothing.csv", "--target", "point"],
     ["check", "t.zarr", "captures.csv", "--target", "point", "--gamma", "-1"],
+    [*ESTIMATE, "--method", "posterior:walkers=1000000000"],
+    [*ESTIMATE, "--method", "golden_section:seed=-1"],
+    [*ESTIMATE[:-2], "--noise", "1e300"],
+    [*ESTIMATE[:-2], "--noise", "1e-300"],
+    ["simulate", "image.tif", *SIMULATE[2:-2], "-o", "image.tif", "--overwrite"],
+    [*DEPTHMAP, "-o", "image.tif", "--overwrite"],
+    [*DEPTHMAP, "-o", "m.zarr", "--size", "0"],
+    [*DEPTHMAP, "-o", "m.zarr", "--pixel-pitch", "0 um"],
+    [*COMPARE, "--distances", "1000000000"],
+    [*COMPARE, "--runs", "1000000000"],
+    [*COMPARE, "--captures", "captures.csv"],
+    [*MEASURE, "--pixel-pitch", "6 mm"],
+    [*MEASURE, "--target", "point:rounds=0"],
+    [*MEASURE, "--target", "point:oversampling=1000"],
+    [*MEASURE, "--figure", "n.png", "--check-figure", "n.png"],
     ["demo", "-o", "image.tif"],
     ["demo", "-o", "image.tif/out"],
 ]
@@ -436,7 +452,14 @@ def test_options_are_refused(refused, number):
     refused(*OPTIONS[number])
 
 
+def test_distances_within_the_focal_length_are_of_another_unit(refused, desk):
+    (desk / "captures.csv").write_text(ROWS.replace("distance_m", "distance_mm"))
+    words = ["calibrate", "captures.csv", "--target", "point", "--camera", "camera.toml", "-o", "n.zarr"]
+    assert "check the unit" in refused(*words)
+
+
 def test_the_control_whole_texts_are_read(desk):
     assert len(read_manifest(desk / spoilt(desk, ROWS), least_positions=3).rows) == 3
     assert read_camera(desk / spoilt(desk, camera())).f_number == pytest.approx(2)
+    assert read_camera(desk / spoilt(desk, "\ufeff" + camera().replace("\n", "\r\n"))).f_number == pytest.approx(2)
     assert read_recipe(desk / spoilt(desk, recipe())).size == 41

@@ -42,7 +42,9 @@ def parse_pitch(text: object) -> float:
     """
     metres = parse_length(text)
     if not 0 < metres <= LARGEST_PITCH:
-        raise PsflutError(f"a pixel is at most {format_length(LARGEST_PITCH)} wide, got {text!r}; check the unit")
+        raise PsflutError(
+            f"the width of a pixel is positive and at most {format_length(LARGEST_PITCH)}, got {text!r}; check the unit"
+        )
     return metres
 
 

@@ -9,6 +9,8 @@ import tifffile
 
 from psflut.capture import Setup, ideal_image
 from psflut.images import linearise
+from psflut.scenes import simulate
+from psflut.store import read_table
 from psflut.writing import write_tiff
 
 
@@ -27,6 +29,21 @@ def test_simulate_writes_float32_and_the_truth(psflut, shelf, tmp_path):
     assert (truth["distance_m"], truth["seed"], truth["scene"]) == (1.83, 7, "scene.png")
     assert truth["read_sigma"] == 0.01
     assert truth["setup"]["gain"] == 2000
+
+
+def test_a_scene_with_depth_has_a_distance_for_every_pixel(psflut, shelf, tmp_path):
+    distance = np.full((256, 256), 1.7)  # of one layer, which takes a hundredth of the time
+    np.save(tmp_path / "depth.npy", distance)
+    tifffile.imwrite(tmp_path / "whole.tif", np.full((256, 256), 2, np.uint8))
+    words = ("simulate", shelf / "scene.png", "--table", "lab16mm", "--noise", "0.001", "--seed", 3)
+    code, _, err = psflut(*words, "--distance", "depth.npy", "-o", "a.tif")
+    assert (code, "from 1.7 m to 1.7 m" in err) == (0, True)
+    assert truth_in(tmp_path / "a.tif")["distances"] == "depth.npy"
+    scene = iio.imread(shelf / "scene.png") / 65535.0
+    theirs, _ = simulate(scene, distance, read_table("lab16mm"), Setup(noise="0.001"), 3)
+    np.testing.assert_array_equal(tifffile.imread(tmp_path / "a.tif"), theirs.astype(np.float32))
+    code, _, err = psflut(*words, "--distance", "whole.tif", "-o", "b.tif")
+    assert (code, "write the distances in metres, as floats" in err) == (2, True)
 
 
 def test_the_same_seed_gives_the_same_file(psflut, shelf, tmp_path):
@@ -74,6 +91,8 @@ def test_an_encoded_scene_is_made_linear(psflut, shelf, tmp_path, option):
         (["--camera", "{camera}", "--table", "lab16mm"], "--camera"),
         (["--table", "lab16mm", "--distance", "9 m"], "outside the table"),
         (["--table", "lab16mm", "--distance", "9"], "unit"),
+        (["--table", "lab16mm", "--distance", "depth.npy"], "depth.npy"),
+        (["--table", "lab16mm", "--distance", "{exists}"], "is outside the table"),
         (["--table", "lab16mm", "--distance", "9 parsec"], "parsec"),
         (["--camera", "{camera}", "--distance", "0 m"], "positive"),
         (["--camera", "{camera}", "--distance", "-1 m"], "positive"),

@@ -30,7 +30,7 @@ from psflut.capture import setup_of
 from psflut.ensemble import Sensor
 from psflut.errors import PsflutError
 from psflut.imagers import Imager
-from psflut.noise import Noise
+from psflut.noise import LEAST, MOST, Noise
 from psflut.table import Kind, PSFTable
 
 Floats = NDArray[np.float64]
@@ -130,8 +130,10 @@ def bound(
     if min(shape) < table.size:
         held = f"{shape[0]} x {shape[1]} pixels"
         raise PsflutError(f"a patch of {held} is smaller than the table's PSF ({table.size}); take a larger one")
-    if contrast is not None and not (np.isfinite(contrast) and contrast > 0):
-        raise PsflutError(f"contrast must be positive and finite, got {contrast}; image units run from 0 to 1")
+    if contrast is not None and not LEAST < contrast < MOST:
+        raise PsflutError(
+            f"contrast must be positive, from {LEAST:g} to {MOST:g}, got {contrast}; image units run from 0 to 1"
+        )
     sensor = Sensor(imager, noise, relative)
     if scene == "point":
         contrast = contrast or 1.0

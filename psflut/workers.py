@@ -7,6 +7,7 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from typing import Any
 
 from psflut.errors import PsflutError
@@ -40,7 +41,9 @@ def local(shared: Any, units: Sequence[Any], count: int, work: Callable[[Any, An
     context = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(min(count, len(units)), context, _begin, (shared, work))
     try:
-        for done in as_completed([pool.submit(_one, unit) for unit in units]):
+        with _deaf():
+            futures = [pool.submit(_one, unit) for unit in units]
+        for done in as_completed(futures):
             yield done.result()
     except BrokenProcessPool as error:
         raise PsflutError(
@@ -50,6 +53,19 @@ def local(shared: Any, units: Sequence[Any], count: int, work: Callable[[Any, An
         pool.shutdown(wait=False, cancel_futures=True)
         for child in set(multiprocessing.active_children()) - others:
             child.terminate()
+
+
+@contextmanager
+def _deaf() -> Iterator[None]:
+    """Processes that are started meanwhile never hear Ctrl-C, which is for their parent: it hears it afterwards."""
+    if not hasattr(signal, "pthread_sigmask"):  # Windows: they do until `_begin`
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _begin(shared: Any, work: Callable[[Any, Any], Any]) -> None:

@@ -83,12 +83,12 @@ class Point(Target):
     def __post_init__(self) -> None:
         if not (self.pinhole >= 0 and self.least_snr > 0 and self.separation > 0):
             raise PsflutError(
-                "point takes a pinhole of 0 pixels or more, a signal-to-noise ratio and a separation above 0, got "
+                "a pinhole has 0 pixels or more, a signal-to-noise ratio and a separation are above 0, got "
                 f"{self.pinhole:g}, {self.least_snr:g} and {self.separation:g}"
             )
         if self.oversampling not in OVERSAMPLINGS or self.rounds < 1:
             raise PsflutError(
-                f"point takes an oversampling of {', '.join(map(str, OVERSAMPLINGS))} and one round or more, got "
+                f"oversampling is one of {', '.join(map(str, OVERSAMPLINGS))} and rounds are one or more, got "
                 f"{self.oversampling} and {self.rounds}"
             )
 

@@ -1,5 +1,6 @@
 """What the command line says: JSON objects, rows in columns, sentences. Light, as ``psflut --help`` imports it."""
 
+import errno
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -17,15 +18,17 @@ HEADINGS = ("image", "method", "distance", "interval", "outcome", "seconds")
 
 
 def say(sentence: str) -> None:
-    """A message, on stderr."""
-    print(sentence, file=sys.stderr)
+    """A message, on stderr; none where that is closed, for stdout is for results alone."""
+    if sys.stderr is not None:
+        print(sentence, file=sys.stderr)
 
 
-def sentence(error: Exception) -> str:
+def sentence(error: BaseException) -> str:
     """What went wrong, in one line; for a mistake in the command itself also where its help is."""
     text = str(error)
     if isinstance(error, OSError) and error.strerror:
-        text = f"{error.filename or 'the system'}: {error.strerror.lower()}; check the path"
+        remedy = "make room" if error.errno == errno.ENOSPC else "check the path"
+        text = f"{error.filename or 'the system'}: {error.strerror.lower()}; {remedy}"
     if isinstance(error, TyperException):
         words = error.format_message().rstrip(".").replace(". Did you mean", "; did you mean")
         context = getattr(error, "ctx", None)

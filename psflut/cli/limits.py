@@ -22,7 +22,7 @@ EVERY = 10
 
 def run(
     table: TableOption,
-    patch_size: Annotated[int, typer.Option(min=1, max=8192, metavar="N", help="Side of the patch in pixels.")] = 128,
+    patch_size: Annotated[int, typer.Option(min=1, max=4096, metavar="N", help="Side of the patch in pixels.")] = 128,
     noise: NoiseOption = None,
     imager: ImagerOption = None,
     scene: Annotated[

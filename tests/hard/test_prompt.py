@@ -1,11 +1,13 @@
-"""Mistakes at a real prompt, in processes of their own: one sentence, exit 2, no traceback, nothing left behind."""
+"""Mistakes at a prompt: one sentence, exit 2, no traceback, nothing left behind; streams closed, Ctrl-C."""
 
+import signal
 import subprocess
 import sys
 
 import numpy as np
 import pytest
 
+from psflut import cli
 from psflut.writing import write_tiff
 
 PROMPT = [sys.executable, "-c", "from psflut.cli import main; main()"]
@@ -24,38 +26,54 @@ MISTAKES = {  # words, and a word that the sentence must have
     "an unknown method": ("estimate shot.tif --table lab16mm --method weiner", "weiner"),
     "a stride of 0": ("depthmap shot.tif --table lab16mm --stride 0 -o map.zarr", "stride"),
     "a map that is no map": ("depthmap shot.tif --table lab16mm -o map.docx", "map.docx"),
-    "a recipe without units": ("build table.toml -o t.zarr", "unit"),
-    "captures that are none": ("calibrate table.toml --target point --pixel-pitch 6um -o t.zarr", "table.toml"),
+    "a recipe without units": ("build table.toml -o new.zarr", "unit"),
+    "captures that are none": ("calibrate table.toml --target point --pixel-pitch 6um -o new.zarr", "table.toml"),
 }
 
 
-@pytest.fixture(scope="module")
-def desk(tmp_path_factory):
-    """A folder with a capture and a recipe that forgot a unit."""
-    folder = tmp_path_factory.mktemp("desk")
-    write_tiff(folder / "shot.tif", np.random.default_rng(0).random((96, 96)), {})
-    (folder / "table.toml").write_text("[camera]\nfocal_length = 16\nf_number = 2\n")
-    return folder
-
-
-def run(words, folder):
-    return subprocess.run([*PROMPT, *words.split()], cwd=folder, capture_output=True, text=True, timeout=120)
+@pytest.fixture
+def shots(desk):
+    """The desk with a capture and a recipe that forgot a unit."""
+    write_tiff(desk / "shot.tif", np.random.default_rng(0).random((96, 96)), {})
+    (desk / "table.toml").write_text("[camera]\nfocal_length = 16\nf_number = 2\n")
+    return desk
 
 
 @pytest.mark.parametrize("mistake", MISTAKES)
-def test_a_mistake_is_answered_by_a_sentence(mistake, desk):
+def test_a_mistake_is_answered_by_a_sentence(mistake, shots, refused):
     words, named = MISTAKES[mistake]
-    before = sorted(path.name for path in desk.iterdir())
-    found = run(words, desk)
-    assert found.returncode == 2, found.stderr
-    assert named in found.stderr
-    assert "Traceback" not in found.stderr + found.stdout
-    assert not found.stdout.strip()
-    assert len(found.stderr.strip().splitlines()) <= 2
-    assert sorted(path.name for path in desk.iterdir()) == before
+    assert named in refused(*words.split())
 
 
-def test_the_control_a_right_command_is_not_refused(desk):
-    found = run("estimate shot.tif --table lab16mm --noise 0.005 --json", desk)
-    assert found.returncode == 0
-    assert found.stdout.startswith("{")
+def test_in_a_process_of_its_own_nothing_else_is_said(shots):
+    found = subprocess.run([*PROMPT, "info", "shot.tif"], capture_output=True, text=True, timeout=120, check=False)
+    assert (found.returncode, found.stdout, found.stderr.count("\n")) == (2, "", 1)
+
+
+def test_the_control_a_right_command_is_not_refused(shots, run):
+    assert run("estimate", "shot.tif", "--table", "lab16mm", "--noise", "0.005", "--json") == 0
+
+
+def test_closed_streams_are_no_mistake(run, capfd, monkeypatch):
+    with monkeypatch.context() as patch:
+        patch.setattr(sys, "stdout", None)
+        assert run("info", "lab16mm") == 0
+    with monkeypatch.context() as patch:
+        patch.setattr(sys, "stderr", None)
+        assert run("info", "nothing") == 2
+    assert tuple(capfd.readouterr()) == ("", "")  # stdout is for results, even where messages have no place
+
+
+def test_an_interruption_is_one_whatever_comes_out_of_it(run, capfd, monkeypatch):
+    """Ctrl-C while compiled code is imported comes out as an ImportError."""
+
+    def app(**_):
+        try:
+            signal.raise_signal(signal.SIGINT)
+        except KeyboardInterrupt:
+            raise ImportError("initialization failed") from None
+
+    monkeypatch.setattr(cli, "app", app)
+    assert run("info", "lab16mm") == 130
+    assert capfd.readouterr().err == "psflut: interrupted\n"
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler

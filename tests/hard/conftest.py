@@ -1,9 +1,11 @@
 """What hostile tests share: a small table and its neighbours, and a command that must be refused."""
 
+import contextlib
 import re
 import shutil
 import sys
 import warnings
+from pathlib import Path
 
 import imageio.v3 as iio
 import numpy as np
@@ -100,3 +102,23 @@ def refused(desk, monkeypatch, capfd):
         return lines[0]
 
     return run
+
+
+@pytest.fixture
+def little_memory():
+    """A context in which this process gets at most 256 MB more address space; else MemoryError."""
+    resource = pytest.importorskip("resource")
+    if sys.platform != "linux":
+        pytest.skip("reads the address space from /proc")
+
+    @contextlib.contextmanager
+    def limited():
+        before = resource.getrlimit(resource.RLIMIT_AS)
+        taken = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+        resource.setrlimit(resource.RLIMIT_AS, (taken + 256_000_000, before[1]))
+        try:
+            yield
+        finally:
+            resource.setrlimit(resource.RLIMIT_AS, before)
+
+    return limited

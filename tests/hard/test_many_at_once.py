@@ -87,6 +87,24 @@ def test_thirty_seconds_of_readers_and_builders(two):
     assert min(counts["reads"], counts["builds"], counts["stopped"]) > 0
 
 
+def tearing(folder, seconds):
+    """What a builder must not do: write the archive where it is read."""
+    both, until = [(folder / f"{name}.zarr.zip").read_bytes() for name in ("one", "two")], time.time() + seconds
+    while time.time() < until:
+        for data in both:
+            (folder / "t.zarr.zip").write_bytes(data)
+
+
+def test_the_control_a_builder_that_writes_in_place_is_torn_or_refused(two):
+    (two / "t.zarr.zip").write_bytes((two / "one.zarr.zip").read_bytes())
+    tell = CONTEXT.Queue()
+    processes = [start(reader, two, 2, tell), start(tearing, two, 2)]
+    counts = tell.get(timeout=120)
+    for process in processes:
+        process.join()
+    assert counts["refused"] + counts["wrong"] > 0
+
+
 def test_of_two_builders_one_stops_with_a_sentence(two, run, capfd):
     (two / "t.zarr.zip").unlink(missing_ok=True)
     with claimed(two / ".t.zarr.zip.planes"):  # as another process that builds holds it: flock knows open files alone
@@ -121,9 +139,37 @@ def disk(tmp_path):
     unmount()
 
 
-@pytest.mark.skipif(sys.platform != "linux" or os.geteuid() != 0, reason="mounts a small disk")
+MOUNTS = pytest.mark.skipif(sys.platform != "linux" or os.geteuid() != 0, reason="mounts a small disk")
+
+
+@MOUNTS
+def test_a_full_disk_leaves_the_old_table_and_says_so(two, disk, run, capfd):
+    assert 0 < fill(two, disk, run, capfd, ".zarr.zip", 5) < 5
+
+
+@MOUNTS
+@pytest.mark.campaign
 @pytest.mark.parametrize("ending", [".zarr", ".zarr.zip"])
-def test_a_full_disk_leaves_the_old_table_and_says_so(two, disk, run, capfd, ending):
+def test_twenty_full_disks(two, disk, run, capfd, ending):
+    refused = fill(two, disk, run, capfd, ending, 20)
+    print(f"disk full, {ending}: 20 sizes tried, {refused} refused")
+    assert 5 < refused < 20
+
+
+@MOUNTS
+def test_the_control_a_builder_that_writes_in_place_loses_the_old_table(two, disk):
+    folder = disk(64)
+    table = folder / "t.zarr.zip"
+    table.write_bytes((two / "one.zarr.zip").read_bytes())
+    with pytest.raises(OSError, match="No space left"):
+        table.write_bytes(bytes(100_000))
+    with pytest.raises(PsflutError):
+        store.read_table(table)
+
+
+def fill(two, disk, run, capfd, ending, sizes):
+    """Rebuild a table where so many sizes of room are left: how many were refused, the old table whole."""
+
     def build(recipe, folder, *more):
         capfd.readouterr()
         code = run("build", two / f"{recipe}.toml", "-o", folder / f"t{ending}", *more)
@@ -133,7 +179,7 @@ def test_a_full_disk_leaves_the_old_table_and_says_so(two, disk, run, capfd, end
     assert build("two", folder)[0] == 0
     whole = store.read_table(folder / f"t{ending}").psf
     refused = 0
-    for room in np.geomspace(4, 2000, 20).astype(int):  # kilobytes beside the old table
+    for room in np.geomspace(4, 2000, sizes).astype(int):  # kilobytes beside the old table
         folder = disk(20_000)
         assert build("one", folder)[0] == 0
         before = store.read_table(folder / f"t{ending}").psf
@@ -151,5 +197,4 @@ def test_a_full_disk_leaves_the_old_table_and_says_so(two, disk, run, capfd, end
             assert build("two", folder, "--overwrite")[0] == 0
         np.testing.assert_array_equal(store.read_table(folder / f"t{ending}").psf, whole)
         assert [each.name for each in folder.iterdir()] == [f"t{ending}"]
-    print(f"disk full, {ending}: 20 sizes tried, {refused} refused")
-    assert 5 < refused < 20
+    return refused

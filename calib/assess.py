@@ -1,4 +1,4 @@
-"""Everything that a calibration's own frames say of its table: held-out errors, placement, good and blind ranges."""
+"""Everything that a calibration's own frames say of its table: its lens, held-out errors, placement, good ranges."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -7,9 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.build import smooth
 from calib.check import facts, hold_out
 from calib.fill import LEAST as LEAST_FOR_LENS
 from calib.fill import fill, verdict
+from calib.lens_course import guess_of
 from calib.placement import LEAST as LEAST_FOR_PLACEMENT
 from calib.placement import reading_error
 from calib.pupil_fit import Lens, fit_lens
@@ -50,8 +52,10 @@ class Assessment:
             raise PsflutError("more planes than positions come from the model: give 3 or more, with --model pupil")
 
     def of(self, table: PSFTable, measurements: Sequence[Measurement]) -> PSFTable:
-        """The table with `axis_std` and `check`, filled where that was asked for."""
-        lens = _lens(table, self.model)
+        """The table smoothed about its lens, with `axis_std` and `check`, and filled where that was asked for."""
+        lens = _lens(table, measurements, self.model)
+        if lens is not None:
+            table = _about(table, measurements, lens)
         check: dict[str, Any] = {}
         std = None if self.placement is None else np.full(len(table.axis), self.placement)
         if len(table.axis) >= LEAST_FOR_CHECK:
@@ -72,8 +76,8 @@ class Assessment:
         return replace(table, check={**check, "ranges": ranges(table)})
 
 
-def _lens(table: PSFTable, asked: bool) -> Lens | None:
-    """The pupil model of a table, from its camera where there is one; None where too little is known of it."""
+def _lens(table: PSFTable, measurements: Sequence[Measurement], asked: bool) -> Lens | None:
+    """The pupil model of measured PSFs, from a camera where there is one; None where too little is known of it."""
     if len(table.axis) < LEAST_FOR_LENS:
         if asked:
             raise PsflutError(f"a pupil model needs {LEAST_FOR_LENS} positions or more, got {len(table.axis)}")
@@ -81,5 +85,19 @@ def _lens(table: PSFTable, asked: bool) -> Lens | None:
     even = table.even(table.axis)
     known = table.camera is not None and table.kind == "distance"
     start = Lens.of_camera(table.camera) if known else Lens.of_moments(even, table.psf)  # type: ignore[arg-type]
-    errors = np.zeros_like(table.psf) if table.psf_std is None else table.psf_std
-    return fit_lens(even, table.psf, errors, start)
+    return fit_lens(even, *_stacked(measurements), start)
+
+
+def _about(table: PSFTable, measurements: Sequence[Measurement], lens: Lens) -> PSFTable:
+    """The table smoothed about the lens that fits its measurements."""
+    even = table.even(table.axis)
+    order = np.argsort(even)
+    psf, std = (each[order] for each in _stacked(measurements))
+    guess = guess_of(lens, even[order], psf, std)
+    course, back = smooth(even[order], [measurements[k] for k in order], guess), np.argsort(order)
+    return replace(table, psf=course.psf[back], psf_std=course.std[back])
+
+
+def _stacked(measurements: Sequence[Measurement]) -> tuple[Floats, Floats]:
+    """(N, K, K) their PSFs, and the standard errors."""
+    return np.stack([each.psf for each in measurements]), np.stack([each.std for each in measurements])

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter, gaussian_filter1d
 
+from calib.radial import rings
 from calib.targets import Measurement
 from psflut.table import Kind, PSFTable
 
@@ -36,6 +37,16 @@ class Course(NamedTuple):
     std: Floats
 
 
+class Guess(NamedTuple):
+    """A course (N, K, K) that PSFs are thought to follow, and its (P, N, K, K) independent errors, one sigma of each.
+
+    The whole of an error is its variance's sum over them; what one of them does to all planes is one thing.
+    """
+
+    psf: Floats
+    errors: Floats
+
+
 def table_of(axis: Floats, kind: Kind, measurements: Sequence[Measurement], pixel_pitch: float) -> PSFTable:
     """The table of measurements at ascending positions (metres), before anything else is known of it."""
     even = axis if kind == "stage" else 1.0 / axis
@@ -44,7 +55,7 @@ def table_of(axis: Floats, kind: Kind, measurements: Sequence[Measurement], pixe
     return PSFTable(axis, course.psf[back], pixel_pitch, kind=kind, psf_std=course.std[back])
 
 
-def smooth(even: Floats, measurements: Sequence[Measurement]) -> Course:
+def smooth(even: Floats, measurements: Sequence[Measurement], guess: Guess | None = None) -> Course:
     """The course of measured PSFs along the axis, as smooth as their standard errors justify and no smoother.
 
     Every pixel follows a smoothing spline, which is linear, so that errors propagate exactly; one strength for all
@@ -87,28 +98,32 @@ def smooth(even: Floats, measurements: Sequence[Measurement]) -> Course:
         Ascending positions in the coordinate of interpolation: 1 / distance (1/m), or stage (m).
     measurements : sequence of Measurement
         One a position, K pixels a side.
+    guess : Guess, optional
+        What the measurements are smoothed about, a fitted lens, say: the spline follows what they show besides. Where
+        it smooths, errors of the guess are errors of the course.
 
     Returns
     -------
     Course
     """
-    measured = np.stack([each.psf for each in measurements])
+    mean, unsure = (0.0, None) if guess is None else guess
+    measured = np.stack([each.psf for each in measurements]) - mean
     stated = np.stack([each.std for each in measurements])
-    size = measured.shape[1]
     sigma = np.sqrt(np.mean(stated**2, axis=(1, 2)))
-    across = np.arange(size) - size // 2
-    ring = np.hypot(across[:, None], across).round().astype(int)
-    matrices, rings = _smoothers(even, sigma), [ring == radius for radius in range(ring.max() + 1)]
-    errors = [np.sqrt(np.mean(stated[:, each] ** 2, axis=1)) for each in rings]
+    ring = rings(measured.shape[1])
+    matrices, masks = _smoothers(even, sigma), [ring == radius for radius in range(ring.max() + 1)]
+    errors = [np.sqrt(np.mean(stated[:, each] ** 2, axis=1)) for each in masks]
     misfits = [
         np.mean(np.sum(((measured[:, each] - matrices @ measured[:, each]) / pull[:, None]) ** 2, axis=1), axis=1)
-        for each, pull in zip(rings, np.maximum(errors, LEAST_ERROR * sigma), strict=True)
+        for each, pull in zip(masks, np.maximum(errors, LEAST_ERROR * sigma), strict=True)
     ]
-    psf, std = np.empty_like(measured), np.empty_like(measured)
-    for each, error, best in zip(rings, errors, matrices[_strengths(np.array(misfits), matrices, sigma)], strict=True):
+    psf, variance = np.empty_like(measured), np.empty_like(measured)
+    for each, error, best in zip(masks, errors, matrices[_strengths(np.array(misfits), matrices, sigma)], strict=True):
         psf[:, each] = best @ measured[:, each]
-        std[:, each] = np.sqrt(best**2 @ error**2)[:, None]
-    return _lit(psf, std)
+        variance[:, each] = (best**2 @ error**2)[:, None]
+        if unsure is not None:
+            variance[:, each] += np.sum((unsure[:, :, each] - best @ unsure[:, :, each]) ** 2, axis=0)
+    return _lit(psf + mean, np.sqrt(variance))
 
 
 def _smoothers(even: Floats, sigma: Floats) -> Floats:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from calib.build import table_of
 from calib.pupil_fit import Lens, fit_lens
+from calib.radial import rings
 from calib.targets import Measurement
 from psflut.table import PSFTable
 
@@ -27,7 +28,12 @@ def verdict(table: PSFTable, measurements: Sequence[Measurement], lens: Lens) ->
     """
     left, axis = range(1, len(table.axis) - 1, 2), table.axis
     kept = [k for k in range(len(axis)) if k not in left]
-    half = fit_lens(table.even(axis[kept]), table.psf[kept], _errors(table)[kept], lens)
+    half = fit_lens(
+        table.even(axis[kept]),
+        np.stack([measurements[k].psf for k in kept]),
+        np.stack([measurements[k].std for k in kept]),
+        lens,
+    )
     rows = []
     for k in left:
         others = [n for n in range(len(axis)) if n != k]
@@ -80,13 +86,12 @@ def fill(table: PSFTable, lens: Lens, planes: int, measured: bool) -> PSFTable:
     """
     axis = table.candidates(planes)
     even, new = table.even(table.axis), table.even(axis)
-    across = np.arange(table.size) - table.size // 2
-    ring = np.hypot(across[:, None], across).round().astype(int).ravel()
+    ring = rings(table.size).ravel()
     missed = np.zeros_like(table.psf) if measured else table.psf - lens.at(even, table.size)
     sums = np.stack([np.bincount(ring, plane.ravel()) for plane in missed**2 + _errors(table) ** 2])
-    rings = np.sqrt(sums / np.bincount(ring))[:, ring].reshape(missed.shape)
+    error = np.sqrt(sums / np.bincount(ring))[:, ring].reshape(missed.shape)
     order = np.argsort(even)
-    std = np.apply_along_axis(lambda values: np.interp(new, even[order], values[order]), 0, rings)
+    std = np.apply_along_axis(lambda values: np.interp(new, even[order], values[order]), 0, error)
     place = None if table.axis_std is None else np.interp(new, even[order], table.axis_std[order])
     psf = between(table, lens, axis) if measured else lens.at(new, table.size)
     return replace(table, axis=axis, psf=psf, psf_std=std, axis_std=place)

@@ -1,13 +1,15 @@
 """The pupil model fitted to a whole course of measured PSFs: focus, aperture, spherical aberration, softness."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
+from scipy.ndimage import convolve1d
 from scipy.optimize import least_squares
+from scipy.special import ive
 
+from calib.fit_errors import fit_errors
 from calib.radial import radial_planes
 from psflut.optics import Camera
 
@@ -15,9 +17,6 @@ Floats = NDArray[np.float64]
 
 FEW = 8
 """Positions, evenly chosen, to which the model is fitted before all of them."""
-
-MODEL_ERROR = 0.01
-"""Of a PSF's peak, that is let pass as the model's own: no plane may rule the fit by its small noise."""
 
 
 @dataclass(frozen=True)
@@ -69,52 +68,49 @@ class Lens:
         """PSFs (M, size, size) at coordinates (M,), sum 1."""
         radius = np.clip(self.slope * (np.asarray(even) - self.focus), -0.49 * size, 0.49 * size)
         planes = radial_planes(radius, self.sampling, self.spherical, size)
-        planes = gaussian_filter(planes, (0.0, self.softness, self.softness), mode="constant")
+        reach = int(np.ceil(4.0 * self.softness)) + 1
+        spread = ive(np.arange(-reach, reach + 1), self.softness**2)  # a Gaussian on pixels (Lindeberg 1990)
+        planes = convolve1d(convolve1d(planes, spread, axis=1, mode="constant"), spread, axis=2, mode="constant")
         return np.asarray(planes / planes.sum(axis=(1, 2), keepdims=True))
 
 
 def fit_lens(even: Floats, psf: Floats, std: Floats, start: Lens) -> Lens:
-    """The lens whose course fits PSFs (N, K, K) best, by least squares in their standard errors (N, K, K).
+    """The lens whose course fits measured PSFs (N, K, K) best, by least squares in units of `fit_errors`.
 
     First a few positions from the start's aperture and its halves and doubles, then all from the best of them: the
     rings of a wrong aperture make local minima.
     """
-    sigma = np.sqrt(np.mean(std**2, axis=(1, 2)) + (MODEL_ERROR * psf.max(axis=(1, 2))) ** 2)
+    sigma = fit_errors(psf, std)
     few = np.unique(np.linspace(0, len(even) - 1, min(FEW, len(even))).round().astype(int))
-    tries = []
-    for factor in (1.0, 0.5, 2.0):
-        first = Lens(start.slope, start.focus, factor * start.sampling, start.spherical, 0.3)
-        tries.append(_fit(even[few], psf[few], sigma[few], first))
-        if tries[-1][1] < 9.0:  # in model errors squared: this is the valley
-            break
-    best = min(tries, key=lambda each: each[1])
-    return _fit(even, psf, sigma, best[0])[0]
+    starts = [replace(start, sampling=factor * start.sampling, softness=0.3) for factor in (1.0, 0.5, 2.0)]
+    tries = [_fit(even[few], psf[few], sigma[few], each) for each in starts]
+    best = min(tries, key=lambda found: found[1])[0]
+    return _fit(even, psf, sigma, best)[0]
 
 
 def _fit(even: Floats, psf: Floats, sigma: Floats, start: Lens) -> tuple[Lens, float]:
-    """The lens from one start, and the mean squared residual of the lit pixels."""
+    """The lens from one start, and the mean squared residual."""
     scale = float(np.ptp(even))
     middle = float(even.mean())
 
     def lens(p: Floats) -> Lens:
-        numbers = np.exp(p[0]) / scale, middle + scale * p[1], np.exp(p[2]), p[3], np.exp(p[4])
+        numbers = np.exp(p[0]) / scale, middle + scale * p[1], np.exp(p[2]), p[3], np.sqrt(p[4])
         return Lens(*(float(each) for each in numbers))
 
     def residual(p: Floats) -> Floats:
-        return np.asarray((lens(p).at(even, psf.shape[1]) - psf) / sigma[:, None, None]).ravel()
+        return np.asarray((lens(p).at(even, psf.shape[1]) - psf) / sigma).ravel()
 
     first = [np.log(start.slope * scale), (start.focus - middle) / scale, np.log(start.sampling), start.spherical]
-    low, high = [-7.0, -20.0, np.log(0.1), -2.0, np.log(0.05)], [7.0, 20.0, np.log(30.0), 2.0, np.log(3.0)]
-    inside = np.clip([*first, np.log(max(start.softness, 0.1))], np.add(low, 1e-3), np.subtract(high, 1e-3))
+    low, high = [-7.0, -20.0, np.log(0.1), -2.0, 0.0], [7.0, 20.0, np.log(30.0), 2.0, 9.0]
+    inside = np.clip([*first, start.softness**2], np.add(low, 1e-3), np.subtract(high, 1e-3))
     found = least_squares(
         residual,
         inside,
         bounds=(low, high),
-        x_scale=[0.1, 0.1, 0.1, 0.1, 0.3],
+        x_scale=[0.1, 0.1, 0.1, 0.1, 0.1],
         diff_step=1e-3,
         ftol=1e-4,
         xtol=1e-4,
         max_nfev=25,
     )
-    lit = psf > 0.05 * psf.max(axis=(1, 2), keepdims=True)
-    return lens(found.x), float(np.mean(found.fun.reshape(psf.shape)[lit] ** 2))
+    return lens(found.x), float(np.mean(found.fun**2))

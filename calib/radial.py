@@ -58,3 +58,10 @@ def _nodes(reach: int) -> tuple[Floats, Floats, Floats]:
     nodes, weights = np.polynomial.legendre.leggauss(64 + 2 * reach)
     rho = 0.5 * (nodes + 1.0)
     return rho, 0.5 * weights, j0(np.pi * np.outer(rho, STEP * np.arange(reach / STEP + 3)))
+
+
+@lru_cache(maxsize=8)
+def rings(size: int) -> NDArray[np.int_]:
+    """(size, size) the distance of every pixel from the middle one, rounded to whole pixels."""
+    across = np.arange(size) - size // 2
+    return np.hypot(across[:, None], across).round().astype(int)

@@ -42,8 +42,9 @@ def fitted():
     """A sparse table and the lens fitted to it, without a word on the camera."""
     frames = measured(axis_of(9), np.random.default_rng(1))
     table = table_of(axis_of(9), "distance", frames, CAMERA.pixel_pitch)
+    psf, std = np.stack([each.psf for each in frames]), np.stack([each.std for each in frames])
     even = table.even(table.axis)
-    return table, frames, fit_lens(even, table.psf, table.psf_std, Lens.of_moments(even, table.psf))
+    return table, frames, fit_lens(even, psf, std, Lens.of_moments(even, table.psf))
 
 
 def test_psfs_alone_tell_the_lens(fitted):

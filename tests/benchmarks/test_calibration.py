@@ -31,7 +31,7 @@ PHOTOGRAPHS = ("astronaut", "brick", "camera", "grass", "gravel")
 """At each of these distances: 8 captures of one alone gave ratios from 0.80 to 1.28 for tables that are as good."""
 SHARP = "pattern by a sharp frame"
 """Keeps its first two promises: near focus a pixel's PSF owes to frequencies that the reference does not show
-(`Pattern`), and the smoothing of the course makes the table's last planes worse than what was measured."""
+(`Pattern`), and the softness of the lens that the course is smoothed about takes that for its own."""
 
 L1_BAR = {"point": 0.05, "edge": 0.08, "pattern": 0.08}
 

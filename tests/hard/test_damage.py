@@ -77,7 +77,7 @@ def tally(spoil, count, small, folder, rng):
     return counts
 
 
-@pytest.mark.parametrize(("spoil", "count"), [(flip, 40), (truncate, 16), (lose, 16)])
+@pytest.mark.parametrize(("spoil", "count"), [(flip, 20), (truncate, 8), (lose, 8)])
 def test_damage_is_refused_or_means_nothing(spoil, count, small, tmp_path):
     assert tally(spoil, count, small, tmp_path, np.random.default_rng(11))["wrong"] == 0
 

@@ -110,7 +110,7 @@ def campaign(name, count, bench, folder, monkeypatch, rng):
         fresh()
         return duration(command, words, folder, folder / "log")
 
-    seconds = min(clean_run() for _ in range(2))
+    seconds = min(clean_run() for _ in range(1 + (count > 1)))
     for moment in moments(seconds, count, rng):
         fresh()
         counts["tried"] += 1
@@ -133,9 +133,9 @@ def campaign(name, count, bench, folder, monkeypatch, rng):
     return counts
 
 
-@pytest.mark.parametrize("name", ["build to a zip", "rebuild a folder", "recalibrate a folder"])
+@pytest.mark.parametrize("name", ["rebuild a folder", "calibrate to a zip"])
 def test_killed_runs_leave_nothing_wrong_and_go_on(name, bench, tmp_path, monkeypatch):
-    counts = campaign(name, 2, bench, tmp_path, monkeypatch, np.random.default_rng(3))
+    counts = campaign(name, 1, bench, tmp_path, monkeypatch, np.random.default_rng(3))
     assert counts["wrong"] == 0
 
 
@@ -206,16 +206,16 @@ def test_fifty_kills_of_compare(tmp_path, monkeypatch):
     assert counts["wrong"] == 0
 
 
-MAP = ["depthmap", "../large.tif", "--table", "lab16mm", "--noise", "0.005", "-o", "map.zarr", "--stride", 10]
+MAP = ["depthmap", "../large.tif", "--table", "lab16mm", "--noise", "0.005", "-o", "map.zarr", "--stride"]
 
 
-def kills_of_maps(side, counts_of_workers, folder, monkeypatch):
+def kills_of_maps(side, stride, counts_of_workers, folder, monkeypatch):
     """Kill a map of a capture of so many photographs a side, and go on: what was seen, in numbers."""
     rng, setup = np.random.default_rng(10), capture.Setup(noise="0.005")
     shot = capture.simulate(photograph(), store.read_table("lab16mm"), 1.4, setup, 1)[0]
     large = np.tile(shot, (side, side))
     tifffile.imwrite(folder / "large.tif", large.astype(np.float32))
-    words, whole = [*MAP, "--workers"], folder / "whole"
+    words, whole = [*MAP, stride, "--workers"], folder / "whole"
     whole.mkdir()
     code, pieces = mapped([*words, 1], monkeypatch, whole)
     assert code == 0
@@ -248,12 +248,12 @@ def mapped(words, monkeypatch, folder):
 
 
 def test_killed_maps_leave_nothing_wrong_and_go_on(tmp_path, monkeypatch):
-    assert kills_of_maps(2, [(1, 2)], tmp_path, monkeypatch)["wrong"] == 0
+    assert kills_of_maps(1, 6, [(1, 1)], tmp_path, monkeypatch)["wrong"] == 0
 
 
 @pytest.mark.campaign
 def test_fifty_kills_of_a_large_map(tmp_path, monkeypatch):
-    counts = kills_of_maps(3, [(1, 40), (2, 10)], tmp_path, monkeypatch)
+    counts = kills_of_maps(3, 10, [(1, 40), (2, 10)], tmp_path, monkeypatch)
     print(f"depthmap: {counts}")
     assert counts["tried"] == 50
     assert counts["killed"] > 35

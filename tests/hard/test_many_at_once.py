@@ -74,7 +74,7 @@ def together(folder, seconds):
 
 
 def test_readers_and_builders_do_not_disturb_each_other(two):
-    counts = together(two, 3)
+    counts = together(two, 1.5)
     assert (counts["refused"], counts["wrong"]) == (0, 0)
     assert min(counts["reads"], counts["builds"]) > 0
 

@@ -34,7 +34,7 @@ def moved(one, other):
 
 
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize(("gain", "offset"), [(0.4, 0.0), (2.5, 0.0), (1.0, 0.3), (0.7, 0.2)])
+@pytest.mark.parametrize(("gain", "offset"), [(0.4, 0.0), (2.5, 0.3)])
 def test_gain_and_offset_do_not_move_the_distance(lab16mm, scene, method, gain, offset):
     image = captured(lab16mm, scene, 1.37)
     one = told(image, lab16mm, method)
@@ -45,7 +45,7 @@ def test_gain_and_offset_do_not_move_the_distance(lab16mm, scene, method, gain, 
 
 
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("shift", [(0, 1), (3, -2), (7, 7)])
+@pytest.mark.parametrize("shift", [(0, 1), (7, -5)])
 def test_translation_does_not_move_the_distance(lab16mm, scene, method, shift):
     """The scene slides under the patch: what enters at a border is new, the rest is the same.
 
@@ -60,9 +60,9 @@ def test_translation_does_not_move_the_distance(lab16mm, scene, method, shift):
     assert one[1] < other[0] < one[2]
 
 
-@pytest.mark.parametrize("turn", ["flipud", "fliplr", "rot180", "rot90"])
+@pytest.mark.parametrize("turn", ["flipud", "rot90"])
 def test_image_and_psf_turned_together_change_nothing(lab16mm, scene, turn):
-    turning = {"rot180": lambda array: np.rot90(array, 2)}.get(turn) or getattr(np, turn)
+    turning = getattr(np, turn)  # all others are made of these two
     lopsided = replace(lab16mm, psf=_skewed(lab16mm.psf))
     image = captured(lab16mm, scene, 1.37)
     turned = replace(lopsided, psf=np.stack([turning(plane) for plane in lopsided.psf]))

@@ -76,7 +76,7 @@ def round_trip(examples):
 
 
 def test_own_api_xarray_zarr_and_back():
-    round_trip(15)
+    round_trip(6)
 
 
 @pytest.mark.campaign

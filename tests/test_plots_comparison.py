@@ -68,7 +68,7 @@ def test_scatter_is_that_of_the_runs_and_shows_the_bound(records, lab16mm):
     (axis,) = plots.scatter(records, limit).axes
     expected = [100 * np.std(of(records, "wiener", z), ddof=1) for z in TRUTHS]
     assert_allclose(line(axis, "wiener").get_ydata(), expected)
-    assert_allclose(line(axis, "Cramer-Rao bound").get_ydata(), 100 * limit.crb)
+    assert_allclose(line(axis, "Cramer-Rao bound, median contrast").get_ydata(), 100 * limit.crb)
     assert "(cm)" in axis.get_ylabel()
     assert len(plots.scatter(records).axes[0].lines) == 3
 

@@ -70,4 +70,6 @@ def curve(axis: Axes, found: Estimate, colour: str) -> None:
         if np.min(found.curve.value) > 0:
             axis.set_yscale("log")
     if found.outcome is not Outcome.OK:
-        axis.text(0.02, 0.95, found.outcome.name.lower(), transform=axis.transAxes, va="top", color=INK)
+        axis.text(0.02, 0.95, found.outcome.name.lower(), transform=axis.transAxes, va="top", color=INK).set_bbox(
+            {"color": axis.get_facecolor(), "pad": 1}
+        )

@@ -54,10 +54,10 @@ def curve(axis: Axes, found: Estimate, colour: str) -> None:
     axis.xaxis.set_major_locator(MaxNLocator(4))
     if "distances" in found.detail:
         samples = found.detail["distances"]
-        axis.hist(samples, bins=60, density=True, color=colour, alpha=0.8)
         reach = max(1.2 * (far - near), 1e-3)
         span = np.array([found.distance - reach, found.distance + reach])
         reached = np.clip(span, samples.min() - 0.1 * reach, samples.max() + 0.1 * reach)
+        axis.hist(samples, bins=60, range=tuple(reached), density=True, color=colour, alpha=0.8)
         axis.set(xlabel="distance (m)", ylabel="density (1/m)", xlim=reached)
     elif found.curve is not None and found.curve.label.startswith("log"):
         values = found.curve.value - np.max(found.curve.value)

@@ -40,8 +40,8 @@ def test_a_cluster_gives_the_bytes_of_a_local_run(bench, workers, tmp_path):
 
 
 def test_a_refusal_on_a_worker_comes_as_it_is(bench, workers, tmp_path):
-    spoilt = Bench(bench.table, bench.shots, {"wiener": method("wiener")}, level=2.0)
-    with pytest.raises(PsflutError, match="level is a probability"):
+    spoilt = Bench(bench.table, bench.shots, {"wiener": method("two_image+scene")})
+    with pytest.raises(PsflutError, match=r"wiener, .* m: two_image compares"):
         go(spoilt, tmp_path, lambda *words: cluster.cluster(*words, workers.scheduler_address))
 
 

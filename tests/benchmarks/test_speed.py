@@ -126,7 +126,8 @@ def test_frames_a_second_of_a_sequence_by_two_processes(lab16mm, scene, tmp_path
         words = ["depthmap", *(f"{k:02}.tif" for k in range(count)), "--table", "lab16mm", "--noise", "0.005"]
         words += ["--workers", "2", "-o", f"{count}.zarr", "--overwrite"]
         start = time.perf_counter()
-        subprocess.run([sys.executable, "-c", "from psflut.cli import main; main()", *words], cwd=tmp_path, check=True)
+        code = "from psflut.cli import main; main()"
+        subprocess.run([sys.executable, "-c", code, *words], cwd=tmp_path, check=True, capture_output=True)
         return time.perf_counter() - start
 
     few, many = (min(wall(count) for _ in range(2)) for count in (8, 40))

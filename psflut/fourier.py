@@ -52,6 +52,12 @@ def continued(image: NDArray[np.floating], shape: tuple[int, int]) -> NDArray[np
     return image
 
 
+def autocorrelation(taper: NDArray[np.floating], grid: tuple[int, int]) -> NDArray[np.floating]:
+    """Of a taper on a periodic grid that holds it, 1 at lag zero."""
+    lags = fft.irfft2(np.abs(fft.rfft2(taper, s=grid)) ** 2, s=grid)
+    return np.asarray(lags / lags[0, 0])
+
+
 def slopes(grid: tuple[int, int]) -> NDArray[np.complexfloating]:
     """(2, H, W // 2 + 1) derivatives of a shifted image by its shift, down and across, at each frequency."""
     height, width = grid

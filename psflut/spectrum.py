@@ -40,7 +40,7 @@ from numpy.typing import NDArray
 from scipy import fft
 from scipy.signal.windows import tukey
 
-from psflut.fourier import once
+from psflut.fourier import autocorrelation, once
 
 Floats = NDArray[np.float64]
 
@@ -150,8 +150,7 @@ class Annuli:
     @cached_property
     def lags(self) -> Floats:
         """(2 H, 2 W) autocorrelation of the taper, 1 at lag zero."""
-        lags = np.asarray(fft.irfft2(np.abs(fft.rfft2(self.taper, s=self.doubled)) ** 2, s=self.doubled))
-        return np.asarray(lags / lags[0, 0])
+        return np.asarray(autocorrelation(self.taper, self.doubled), dtype=np.float64)
 
     @cached_property
     def _lag_window(self) -> Floats:

@@ -7,6 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
+from psflut.fourier import autocorrelation
+
 Reals = NDArray[np.floating]
 
 EDGE = 0.1
@@ -42,8 +44,8 @@ class Window:
     @cached_property
     def _lags(self) -> Reals:
         """Autocorrelation of the taper on the grid, 1 at lag zero."""
-        lags = fft.irfft2(np.abs(fft.rfft2(self.taper)) ** 2, s=self.taper.shape)
-        return np.asarray(lags / lags[0, 0])
+        height, width = self.taper.shape
+        return autocorrelation(self.taper, (height, width))
 
 
 @lru_cache(maxsize=16)

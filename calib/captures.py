@@ -6,12 +6,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.manifest import Manifest, Row, read_manifest
+from calib.manifest import Manifest
+from calib.manifest_row import Row
 from calib.targets import Shot
 from psflut.errors import PsflutError
 from psflut.images import Picture, linearise, page_shapes, read_image
-
-__all__ = ["Manifest", "Row", "read_dark", "read_manifest", "shots"]
 
 Floats = NDArray[np.float64]
 

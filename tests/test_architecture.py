@@ -33,7 +33,7 @@ FLOORS = [  # from the roof to the cellar; a module imports from lower floors on
     {"calib.recipe", "calib.captures"},
     {"calib.planes"},
     {"calib.targets", "calib.manifest", "calib.photons"},
-    {"calib.pupil_fit", "calib.alignment", "calib.noise_target"},
+    {"calib.manifest_row", "calib.pupil_fit", "calib.alignment", "calib.noise_target"},
     {"calib.fit_errors"},
     {"calib.radial", "calib.rings", "calib.superresolution", "calib.unfilter", "calib.unfolding"},
     {"calib.registration", "calib.known_scene"},

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 import tifffile
 
-from calib.captures import read_dark, read_manifest, shots
+from calib.captures import read_dark, shots
+from calib.manifest import read_manifest
 from psflut.errors import PsflutError
 
 

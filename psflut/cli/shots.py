@@ -8,7 +8,7 @@ from psflut.cli import console
 from psflut.errors import PsflutError
 
 if TYPE_CHECKING:
-    from calib.manifest import Row
+    from calib.manifest_row import Row
     from psflut.shots import Measured, Shot, Simulated
     from psflut.table import PSFTable
 

@@ -20,7 +20,8 @@ import pytest
 
 from calib.assess import Assessment
 from calib.build import table_of
-from calib.captures import read_manifest, shots
+from calib.captures import shots
+from calib.manifest import read_manifest
 from calib.targets import Shot
 from calib.targets.edge import Edge
 from psflut import evidence, texture

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from psflut.evidence import Bank, scene_power
 
 if TYPE_CHECKING:
-    from psflut.kernels.climbing import Model
+    from psflut.kernels.lanes import Model
 
 Floats = NDArray[np.float64]
 
@@ -40,44 +40,36 @@ class Fit:
 
 def integrate(power: Floats, noise: Floats, bank: Bank) -> Fit:
     """The evidence of a power under a noise power, (K,) each, at every distance of the bank."""
-    from psflut.kernels import climbing
+    from psflut.kernels import climbing, lanes
 
-    rows = len(bank.attenuation)
-    theta, log_evidence = np.tile(first_guess(power[None], noise[None], bank), (rows, 1)), np.empty(rows)
-    power, noise, shape = (np.broadcast_to(each, (rows, len(power))) for each in (power, noise, bank.shape))
-    patches = climbing.Patch(filled(power), filled(noise), filled(shape, 0.0))
-    climbing.climb_all(patches, model(bank, bank.attenuation), theta, log_evidence)
-    return Fit(log_evidence, theta)
+    places, own = np.arange(len(bank.attenuation)), model(bank, bank.attenuation)
+    theta, log_evidence = first_guess(power[None], noise[None], bank, bank.attenuation), np.empty((1, len(places)))
+    summits = lanes.Summits(places[None], theta, log_evidence, np.full(1, -np.inf))
+    patches = lanes.Patches(*(np.array(each[None]) for each in (power, noise, own.shape)))
+    climbing.climb(places, patches, summits, own, lanes.room(own))
+    return Fit(log_evidence[0], theta[0])
 
 
-def first_guess(power: Floats, noise: Floats, bank: Bank) -> Floats:
-    """The prior's mean for every patch (B, K), with the contrast that it would have at the bank's first distance:
-    total power beyond the noise over that of the mean spectrum. (B, J)."""
-    expected = bank.attenuation[0] @ np.exp(bank.basis @ bank.prior.mean)
+def first_guess(power: Floats, noise: Floats, bank: Bank, attenuation: Floats) -> Floats:
+    """The prior's mean for patches (B, K), with the contrast that each would have at distances of that attenuation
+    (M, K): total power beyond the noise over that of the mean spectrum. (B, M, J)."""
+    expected = attenuation @ np.exp(bank.basis @ bank.prior.mean)
     beyond = np.maximum(np.sum(power - noise, axis=-1), 0.1 * np.sum(noise, axis=-1))
-    theta = np.tile(bank.prior.mean, (len(power), 1))
-    theta[:, 0] += np.log(beyond / expected)
+    theta = np.tile(bank.prior.mean, (len(power), len(attenuation), 1))
+    theta[..., 0] += np.log(beyond[:, None] / expected)
     return theta
 
 
 def model(bank: Bank, attenuation: Floats) -> "Model":
     """What the compiled search needs of a bank, with the attenuation (M, K) of its distances."""
-    from psflut.kernels.climbing import Model
+    from psflut.kernels.lanes import Model
 
     rows, columns = np.triu_indices(bank.basis.shape[1])
-    basis, mean, precision = filled(bank.basis.T, 0.0), np.array(bank.prior.mean), np.array(bank.prior.precision)
-    functions, products = filled(basis.T, 0.0), filled((basis[rows] * basis[columns]).T, 0.0)
-    shape = filled(np.broadcast_to(bank.shape, len(bank.basis)), 0.0)
-    packed = filled(precision[rows, columns], 0.0)
-    return Model(filled(attenuation, 0.0), shape, basis, functions, products, mean, precision, packed)
-
-
-def filled(values: Floats, empty: float = 1.0) -> Floats:
-    """Values (..., n), copied, with that value as often after them as the compiled code asks for."""
-    from psflut.kernels.algebra import STRIDE
-
-    more = [(0, 0)] * (values.ndim - 1) + [(0, -values.shape[-1] % STRIDE)]
-    return np.ascontiguousarray(np.pad(np.asarray(values, dtype=np.float64), more, constant_values=empty))
+    basis = np.array(bank.basis.T, order="C")
+    mean, precision = np.array(bank.prior.mean), np.array(bank.prior.precision)
+    shape = np.array(np.broadcast_to(bank.shape, len(bank.basis)))
+    products, packed = basis[rows] * basis[columns], precision[rows, columns]
+    return Model(np.array(attenuation, order="C"), shape, basis, products, mean, precision, packed)
 
 
 @lru_cache(maxsize=8)

@@ -60,7 +60,7 @@ FLOORS = [  # from the roof to the cellar; a module imports from lower floors on
     {"psflut.spectrum"},
     {"psflut.kernels.exploring"},
     {"psflut.kernels.climbing", "psflut.kernels.curves"},
-    {"psflut.kernels.algebra", "psflut.kernels.elementary", "psflut.kernels.summing"},
+    {"psflut.kernels.algebra", "psflut.kernels.elementary", "psflut.kernels.lanes", "psflut.kernels.summing"},
     {"psflut.kernels"},
     {"psflut.summary", "psflut.capture", "psflut.store"},
     {"psflut.layout"},

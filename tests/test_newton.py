@@ -47,7 +47,8 @@ def test_the_integral_is_that_of_a_general_optimiser(bank, lab_patch):
         exact.append(-found.fun - 0.5 * np.linalg.slogdet(curvature)[1])
         ours = laplace.curvature_at(power, noise, bank.attenuation[k : k + 1], fit.theta[k : k + 1], bank)[0]
         np.testing.assert_allclose(ours, curvature, rtol=0.02, atol=0.002 * np.abs(curvature).max())
-    np.testing.assert_allclose(fit.log_evidence[best - 1 : best + 2], exact, atol=2 * climbing.TOLERANCE)
+    off, below = np.abs(fit.log_evidence[best - 1 : best + 2] - exact), max(exact) - np.array(exact)
+    assert (off <= 2 * climbing.TOLERANCE + climbing.SLACK * below).all()
 
 
 def test_nothing_is_compiled_where_nothing_is_estimated():
@@ -64,10 +65,10 @@ def test_it_runs_where_nothing_can_be_kept(tmp_path):
             "caching.CacheImpl._locator_classes = []",
             "import numpy as np",
             "from psflut.kernels import algebra",
-            "one = np.ones(1)",
-            "algebra.combined(one, np.ones(4), np.ones((4, 1)), one)",
-            "print(one, type(algebra.combined._cache).__name__)",
+            "one = np.full((1, 1), 2.0)",
+            "algebra.solve(np.full((1, 1), 4.0), one, np.empty(1), np.empty((2, 1)))",
+            "print(one[0], type(algebra.solve._cache).__name__)",
         ]
     )
     told = subprocess.run([sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, check=True)
-    assert told.stdout.strip() == "[5.] NullCache"
+    assert told.stdout.strip() == "[0.5] NullCache"

@@ -2,7 +2,8 @@
 
 Distances are places on an even grid of `PLACES` steps over the table, so fine that no patch asks for more. A gap is
 halved as long as the last halving surprised: as long as what was found differed from the cubic through the four nearest
-by more than matters so far below the best. The same cubic through their spectra is where each climb starts.
+by more than matters so far below the best. The same cubic through their spectra is where each climb starts. All that
+the gaps of all patches ask for is climbed together.
 """
 
 from typing import NamedTuple
@@ -10,8 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from psflut.kernels import climbing, compiled, inlined
-from psflut.kernels.climbing import Model, Patch, Room, climb
+from psflut.kernels import compiled, inlined
+from psflut.kernels.climbing import climb
+from psflut.kernels.lanes import Model, Patches, Room, Summits, room
 
 Floats = NDArray[np.float64]
 Places = NDArray[np.int64]
@@ -19,8 +21,8 @@ Places = NDArray[np.int64]
 PLACES = 4096
 """Steps of the grid of distances."""
 
-COARSE = 8
-"""Gaps in which the table is first, each of which is halved at least once."""
+COARSE, WIDEST = 2, PLACES // 16
+"""Gaps in which the table is first; steps of the widest gap that is left."""
 
 DEEP, LIKELY = 0.25, 10.0
 """The surprise that is allowed so many nats below the best, in those, beyond `LIKELY` nats; within, in proportion."""
@@ -41,8 +43,8 @@ class Found(NamedTuple):
         How many.
     order : (B, R) array
         Their numbers, the lowest distance first.
-    place, after : (B, R) arrays
-        On the grid; and number of the next higher, -1 after the last.
+    place, before, after : (B, R) arrays
+        On the grid; number of the lower end of the gap that each halved; of the next higher, -1 after the last.
     log_evidence, surprise : (B, R) arrays
         Nats; of the gap that follows.
     theta : (B, R, J) array
@@ -51,147 +53,124 @@ class Found(NamedTuple):
     seen: Places
     order: Places
     place: Places
+    before: Places
     after: Places
     log_evidence: Floats
     surprise: Floats
     theta: Floats
 
 
-class Looked(NamedTuple):
-    """One patch's rows of `Found`."""
-
-    place: Places
-    after: Places
-    log_evidence: Floats
-    surprise: Floats
-    theta: Floats
-
-
-def nothing(count: int, most: int, terms: int) -> Found:
-    """Room for so many distances of each of `count` patches, and none found yet."""
-    order, place, after = np.empty((3, count, most), np.int64)
-    log_evidence, surprise = np.empty((2, count, most))
-    return Found(np.zeros(count, np.int64), order, place, after, log_evidence, surprise, np.empty((count, most, terms)))
+def begun(start: Floats, most: int) -> Found:
+    """The ends of `COARSE` equal gaps, not yet looked at, and theta (B, COARSE + 1, J) where their climbs start, in
+    room for so many distances of each of B patches."""
+    count, ends, terms = start.shape
+    order, place, before, after = np.empty((4, count, most), np.int64)
+    log_evidence, surprise = np.full((2, count, most), np.inf)
+    theta = np.empty((count, most, terms))
+    theta[:, :ends] = start
+    place[:, :ends], after[:, :ends] = np.linspace(0, PLACES, ends), np.r_[1:ends, -1]
+    return Found(np.full(count, ends), order, place, before, after, log_evidence, surprise, theta)
 
 
-def explore(
-    power: Floats, noise: Floats, share: Floats, start: Floats, model: Model, found: Found, surprise: float
-) -> None:
+def explore(power: Floats, noise: Floats, share: Floats, model: Model, found: Found, surprise: float) -> None:
     """Look at distances of every patch until none is left that would surprise by more nats than that.
 
-    `found` is filled or, where it is not empty, worked out anew with shapes that count for a share (B,) below 1. Power
-    and noise are (B, K), `start` the (B, J) coefficients at the nearest end of the grid.
+    What is found already is worked out anew where shapes count for a share (B,) below 1, or where it never was. Power
+    and noise are (B, K).
     """
-    shape, four, part = share[:, None] * model.shape, np.zeros(4, np.int64), np.zeros(4)
-    _explore(power, noise, shape, share, start, model, found, surprise, climbing.room(model), four, part)
+    patches = Patches(power, noise, share[:, None] * model.shape)
+    _explore(patches, share, model, found, surprise, np.empty(found.place.size, np.int64), room(model))
 
 
 @compiled
 def _explore(
-    power: Floats,
-    noise: Floats,
-    shape: Floats,
-    share: Floats,
-    start: Floats,
-    model: Model,
-    found: Found,
-    surprise: float,
-    room: Room,
-    four: Places,
-    part: Floats,
+    patches: Patches, share: Floats, model: Model, found: Found, surprise: float, which: Places, room: Room
 ) -> None:
-    for b in range(len(power)):
-        patch = Patch(power[b], noise[b], shape[b])
-        own = Looked(found.place[b], found.after[b], found.log_evidence[b], found.surprise[b], found.theta[b])
-        count = found.seen[b]
-        if count == 0:
-            count, best = COARSE + 1, _begin(patch, start[b], own, model, room)
-        else:
-            best = _again(patch, share[b], own, count, model, room)
-        while True:
-            before = count
-            count, best = _refine(patch, own, count, best, model, surprise, room, four, part)
-            if count == before:
-                break
-        found.seen[b], point = count, 0
-        for r in range(count):
+    count, most = found.place.shape
+    summits = Summits(found.place, found.theta, found.log_evidence, np.empty(count))
+    asking, first, four, part = np.ones(count, np.bool_), found.seen.copy(), np.zeros(4, np.int64), np.zeros(4)
+    climb(which[: _again(share, found, summits.best, which)], patches, summits, model, room)
+    asked = 1
+    while asked > 0:
+        asked = 0
+        for b in range(count):
+            if asking[b]:
+                first[b] = found.seen[b]
+                _ask(b, found, summits.best[b], surprise, four, part)
+                asking[b] = found.seen[b] > first[b]
+                for r in range(first[b], found.seen[b]):
+                    which[asked] = b * most + r
+                    asked += 1
+        climb(which[:asked], patches, summits, model, room)
+        for n in range(asked):
+            _link(which[n] // most, which[n] % most, found)
+    for b in range(count):
+        point = 0
+        for r in range(found.seen[b]):
             found.order[b, r] = point
-            point = own.after[point]
+            point = found.after[b, point]
 
 
 @inlined
-def _begin(patch: Patch, start: Floats, own: Looked, model: Model, room: Room) -> float:
-    """The ends of `COARSE` equal gaps, each climb starting from its neighbour's; returns the best log evidence."""
-    best = -np.inf
-    for r in range(COARSE + 1):
-        for j in range(len(start)):
-            own.theta[r, j] = start[j] if r == 0 else own.theta[r - 1, j]
-        own.place[r], own.after[r], own.surprise[r] = r * PLACES // COARSE, r + 1, np.inf
-        own.log_evidence[r] = climb(patch, model.attenuation[own.place[r]], model, own.theta[r], best, room)
-        best = max(best, own.log_evidence[r])
-    own.after[COARSE] = -1
-    return best
+def _again(share: Floats, found: Found, best: Floats, which: Places) -> int:
+    """List every distance that is to be looked at anew, the best of each patch first; returns how many."""
+    count, most = found.place.shape
+    asked = 0
+    for b in range(count):
+        top = 0
+        for r in range(1, found.seen[b]):
+            if found.log_evidence[b, r] > found.log_evidence[b, top]:
+                top = r
+        best[b] = found.log_evidence[b, top]
+        if share[b] < 1.0 or best[b] == np.inf:
+            best[b] = -np.inf
+            which[asked] = b * most + top
+            asked += 1
+    for n in range(asked):
+        b, top = which[n] // most, which[n] % most
+        for r in range(found.seen[b]):
+            found.surprise[b, r] *= share[b]
+            if r != top:
+                which[asked] = b * most + r
+                asked += 1
+    return asked
 
 
 @inlined
-def _again(patch: Patch, share: float, own: Looked, count: int, model: Model, room: Room) -> float:
-    """Every distance once more where shapes count for less, the best first; returns the best log evidence."""
-    top = 0
-    for r in range(1, count):
-        if own.log_evidence[r] > own.log_evidence[top]:
-            top = r
-    if share == 1.0:
-        return float(own.log_evidence[top])
-    best = -np.inf
-    for n in range(count):
-        r = top if n == 0 else n - 1 if n <= top else n
-        own.surprise[r] *= share
-        own.log_evidence[r] = climb(patch, model.attenuation[own.place[r]], model, own.theta[r], best, room)
-        best = max(best, own.log_evidence[r])
-    return best
-
-
-@inlined
-def _refine(
-    patch: Patch,
-    own: Looked,
-    count: int,
-    best: float,
-    model: Model,
-    surprise: float,
-    room: Room,
-    four: Places,
-    part: Floats,
-) -> tuple[int, float]:
-    """Halve every gap that asks for it, once, in order; returns how many there are then, and the best log evidence."""
-    place, after, log, theta = own.place, own.after, own.log_evidence, own.theta
-    r, before = 0, -1
+def _ask(b: int, found: Found, best: float, surprise: float, four: Places, part: Floats) -> None:
+    """Halve every gap of a patch that asks for it: what is expected there stands in for the surprise."""
+    place, after, log, theta = found.place[b], found.after[b], found.log_evidence[b], found.theta[b]
+    r, before, count = 0, -1, found.seen[b]
     while after[r] >= 0 and count < len(place):
         q = after[r]
         gap, below = place[q] - place[r], best - max(log[r], log[q])
-        asks = own.surprise[r] > surprise + DEEP * below * min(1.0, below / LIKELY)
-        asks |= below == 0.0 and abs(log[r] - log[q]) > FLANK
+        asks = found.surprise[b, r] > surprise + DEEP * below * min(1.0, below / LIKELY)
+        asks |= gap > WIDEST or (below <= 0.0 and abs(log[r] - log[q]) > FLANK)
         asks |= before >= 0 and gap > GRADED * (place[r] - place[before])
         asks |= after[q] >= 0 and gap > GRADED * (place[after[q]] - place[q])
-        last = r
         if gap > 1 and asks:
-            new, count = count, count + 1
-            place[new] = place[r] + gap // 2
-            _cubic(place[new], r if before < 0 else before, place, after, four, part)
+            place[count], found.before[b, count] = place[r] + gap // 2, r
+            _cubic(place[count], r if before < 0 else before, place, after, four, part)
             expected = 0.0
             for j in range(theta.shape[1]):
-                theta[new, j] = 0.0
+                theta[count, j] = 0.0
             for i in range(4):
                 expected += part[i] * log[four[i]]
                 for j in range(theta.shape[1]):
-                    theta[new, j] += part[i] * theta[four[i], j]
-            log[new] = climb(patch, model.attenuation[place[new]], model, theta[new], best, room)
-            own.surprise[r] = own.surprise[new] = abs(log[new] - expected)
-            best = max(best, log[new])
-            after[r], after[new] = new, q
-            last = new
-        before, r = last, q
-    return count, best
+                    theta[count, j] += part[i] * theta[four[i], j]
+            found.surprise[b, count] = expected
+            count += 1
+        before, r = r, q
+    found.seen[b] = count
+
+
+@inlined
+def _link(b: int, r: int, found: Found) -> None:
+    """Put a distance that was looked at between its neighbours."""
+    before = found.before[b, r]
+    found.after[b, r], found.after[b, before] = found.after[b, before], r
+    surprise = abs(found.log_evidence[b, r] - found.surprise[b, r])
+    found.surprise[b, r] = found.surprise[b, before] = surprise
 
 
 @inlined

@@ -68,8 +68,9 @@ def model(bank: Bank, attenuation: Floats) -> "Model":
     basis = np.array(bank.basis.T, order="C")
     mean, precision = np.array(bank.prior.mean), np.array(bank.prior.precision)
     shape = np.array(np.broadcast_to(bank.shape, len(bank.basis)))
-    products, packed = basis[rows] * basis[columns], precision[rows, columns]
-    return Model(np.array(attenuation, order="C"), shape, basis, products, mean, precision, packed)
+    functions = np.array(basis.T, order="C")
+    products, packed = functions[:, rows] * functions[:, columns], precision[rows, columns]
+    return Model(np.array(attenuation, order="C"), shape, basis, functions, products, mean, precision, packed)
 
 
 @lru_cache(maxsize=8)

@@ -58,7 +58,7 @@ def test_equations_are_solved_as_numpy_solves_them(order, rng):
     matrices[3] = -np.eye(order)
     rows, columns = np.triu_indices(order)
     found, log_determinant, sound = np.array(right.T), np.empty(7), np.arange(7) != 3
-    solve(np.array(matrices[:, rows, columns].T), found, log_determinant, np.empty((2, 7)))
+    solve(7, np.array(matrices[:, rows, columns].T), found, log_determinant, np.empty((2, 7)))
     expected = np.linalg.solve(matrices, right[..., None])[..., 0]
     np.testing.assert_allclose(found.T[sound], expected[sound], rtol=1e-8)
     np.testing.assert_allclose(log_determinant[sound], np.linalg.slogdet(matrices[sound])[1])

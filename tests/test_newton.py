@@ -66,7 +66,7 @@ def test_it_runs_where_nothing_can_be_kept(tmp_path):
             "import numpy as np",
             "from psflut.kernels import algebra",
             "one = np.full((1, 1), 2.0)",
-            "algebra.solve(np.full((1, 1), 4.0), one, np.empty(1), np.empty((2, 1)))",
+            "algebra.solve(1, np.full((1, 1), 4.0), one, np.empty(1), np.empty((2, 1)))",
             "print(one[0], type(algebra.solve._cache).__name__)",
         ]
     )

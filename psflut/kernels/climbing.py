@@ -28,10 +28,11 @@ further."""
 @compiled
 def climb(which: Places, patches: Patches, summits: Summits, model: Model, room: Room) -> None:
     """Fill the log evidence of those climbs, numbered patch after patch, and go to the best theta, in place."""
+    number, left = room.lane[0], room.lane[1]
     n, begun = 0, 0
     while n > 0 or begun < len(which):
-        while n < len(room.climb) and begun < len(which):
-            room.climb[n], room.left[n] = which[begun], NEWTON_STEPS
+        while n < len(number) and begun < len(which):
+            number[n], left[n] = which[begun], NEWTON_STEPS
             n, begun = n + 1, begun + 1
         _step(n, patches, summits, model, room)
         n = _taken(n, summits, model, room)
@@ -40,39 +41,28 @@ def climb(which: Places, patches: Patches, summits: Summits, model: Model, room:
 @inlined
 def _step(n: int, patches: Patches, summits: Summits, model: Model, room: Room) -> None:
     """A Newton step of n lanes, not yet taken, the log density where each is, and the curvature's log determinant."""
-    terms, most = len(model.mean), summits.place.shape[1]
-    theta, apart = _lanes(room.theta, terms, n), _lanes(room.apart, terms, n)
-    pull, step = _lanes(room.pull, terms, n), _lanes(room.step, terms, n)
+    most, number, value = summits.place.shape[1], room.lane[0], room.value[0]
+    theta, apart, pull, step = room.terms[0], room.terms[1], room.terms[2], room.terms[3]
     for i in range(n):
-        b, r = room.climb[i] // most, room.climb[i] % most
-        for j in range(terms):
-            theta[j, i] = summits.theta[b, r, j]
-            apart[j, i] = theta[j, i] - model.mean[j]
-    np.dot(theta.T, model.basis, room.log_scene[:n])
-    np.dot(model.precision, apart, pull)
+        b, r = number[i] // most, number[i] % most
+        for j in range(len(model.mean)):
+            theta[i, j] = summits.theta[b, r, j]
+            apart[i, j] = theta[i, j] - model.mean[j]
+    np.dot(theta[:n], model.basis, room.annuli[0, :n])
+    np.dot(apart[:n], model.precision, pull[:n])
     for i in range(n):
-        b, r = room.climb[i] // most, room.climb[i] % most
+        b, r = number[i] // most, number[i] % most
         patch = patches.power[b], patches.noise[b], patches.shape[b]
-        room.value[i] = _derivatives(i, patch, model.attenuation[summits.place[b, r]], room)
-    np.dot(model.basis, room.slope[:n].T, step)
-    for j in range(terms):
-        for i in range(n):
-            room.value[i] -= 0.5 * apart[j, i] * pull[j, i]
-            step[j, i] -= pull[j, i]
-            pull[j, i] = step[j, i]  # from here on the gradient
-    _solved(n, room.held, step, model, room)
-
-
-@inlined
-def _solved(n: int, weight: Floats, right: Floats, model: Model, room: Room) -> None:
-    """Solve for `right` (J, n) with the curvature that these weights of annuli (n, K) make."""
-    pairs = len(model.packed)
-    packed = _lanes(room.packed, pairs, n)
-    np.dot(model.products, weight[:n].T, packed)
-    for m in range(pairs):
-        for i in range(n):
-            packed[m, i] += model.packed[m]
-    solve(packed, right, room.log_determinant[:n], _lanes(room.over, 2, n))
+        value[i] = _derivatives(i, patch, model.attenuation[summits.place[b, r]], room)
+    np.dot(room.annuli[1, :n], model.functions, step[:n])
+    for i in range(n):
+        for j in range(len(model.mean)):
+            value[i] -= 0.5 * apart[i, j] * pull[i, j]
+            pull[i, j] = room.right[j, i] = step[i, j] - pull[i, j]  # from here on the gradient
+    _solved(n, model, room)
+    for i in range(n):
+        for j in range(len(model.mean)):
+            step[i, j] = room.right[j, i]
 
 
 @inlined
@@ -80,71 +70,68 @@ def _derivatives(i: int, patch: tuple[Floats, Floats, Floats], attenuation: Floa
     """The log likelihood of lane i. In the room: its slope by ln S of each annulus; minus the second derivative, as it
     is and held positive."""
     power, noise, shape = patch
-    scene, mean, log_mean = room.scene[i], room.mean, room.row
-    own_slope, own_weight, own_held = room.slope[i], room.weight[i], room.held[i]
-    exponentials(room.log_scene[i], scene, room.bits, room.number)
+    scene, log_mean, mean = room.line[0], room.line[1], room.number[1]
+    log_scene, slope, held, weight = room.annuli[0, i], room.annuli[1, i], room.annuli[2, i], room.annuli[3, i]
+    exponentials(log_scene, scene, room.bits[0], room.number[0])
     for k in range(len(scene)):
         scene[k] *= attenuation[k]
         mean[k] = scene[k] + noise[k]
-    logarithms(room.mean_bits, log_mean, room.bits, room.number)
+    logarithms(room.bits[1], log_mean, room.bits[0], room.number[0])
     value = 0.0
     for k in range(len(scene)):
         inverse = 1.0 / mean[k]
         part, ratio = scene[k] * inverse, power[k] * inverse
         information = shape[k] * part
         value -= shape[k] * (log_mean[k] + ratio)
-        slope = information * (ratio - 1.0)
-        weight = information * part * ratio - (1.0 - part) * slope
-        own_slope[k], own_weight[k] = slope, weight
-        own_held[k] = max(weight, LEAST_CURVATURE * information * part)
+        rise = information * (ratio - 1.0)
+        exact = information * part * ratio - (1.0 - part) * rise
+        slope[k], weight[k] = rise, exact
+        held[k] = max(exact, LEAST_CURVATURE * information * part)
     return value
+
+
+@inlined
+def _solved(n: int, model: Model, room: Room) -> None:
+    """Solve for what is `right` in the room with the curvature of n lanes that is held positive."""
+    np.dot(room.annuli[2, :n], model.products, room.pairs[:n])
+    for m in range(len(model.packed)):
+        for i in range(n):
+            room.packed[m, i] = room.pairs[i, m] + model.packed[m]
+    solve(n, room.packed, room.right, room.value[1], room.value[2:])
 
 
 @inlined
 def _taken(n: int, summits: Summits, model: Model, room: Room) -> int:
     """Take the step of n lanes; those that are at their summits leave. Returns how many go on."""
-    terms, most = len(model.mean), summits.place.shape[1]
-    gradient, step = _lanes(room.pull, terms, n), _lanes(room.step, terms, n)
-    np.dot(step.T, model.basis, room.log_scene[:n])
+    number, left, done = room.lane[0], room.lane[1], room.lane[2]
+    value, log_determinant = room.value[0], room.value[1]
+    gradient, step, change, most = room.terms[2], room.terms[3], room.annuli[0], summits.place.shape[1]
+    np.dot(step[:n], model.basis, change[:n])
     going, ended = 0, 0
     for i in range(n):
-        b, r = room.climb[i] // most, room.climb[i] % most
+        b, r = number[i] // most, number[i] % most
         gain, longest = 0.0, LONGEST_STEP
-        for j in range(terms):
-            gain += gradient[j, i] * step[j, i]
-        for k in range(room.log_scene.shape[1]):
-            longest = max(longest, abs(room.log_scene[i, k]))
-        for j in range(terms):
-            summits.theta[b, r, j] += LONGEST_STEP / longest * step[j, i]
-        here = room.value[i] - room.log_determinant[i] / 2
+        for j in range(len(model.mean)):
+            gain += gradient[i, j] * step[i, j]
+        for k in range(change.shape[1]):
+            longest = max(longest, abs(change[i, k]))
+        for j in range(len(model.mean)):
+            summits.theta[b, r, j] += LONGEST_STEP / longest * step[i, j]
+        here = value[i] - log_determinant[i] / 2
         summits.best[b] = max(summits.best[b], here)
-        room.left[i] -= 1
-        if room.left[i] == 0 or gain <= TOLERANCE + SLACK * max(summits.best[b] - here - gain, 0.0):
+        left[i] -= 1
+        if left[i] == 0 or gain <= TOLERANCE + SLACK * max(summits.best[b] - here - gain, 0.0):
             summits.log_evidence[b, r] = here + gain / 2
-            room.done[ended], room.value[ended] = room.climb[i], room.log_determinant[i]
-            for k in range(room.held.shape[1]):
-                room.held[ended, k] = room.weight[i, k]
+            done[ended], value[ended] = number[i], log_determinant[i]
+            for k in range(change.shape[1]):
+                room.annuli[2, ended, k] = room.annuli[3, i, k]
             ended += 1
         else:
-            room.climb[going], room.left[going] = room.climb[i], room.left[i]
+            number[going], left[going] = number[i], left[i]
             going += 1
     if ended > 0:
-        _exact(ended, summits, model, room)
-    return going
-
-
-@inlined
-def _exact(ended: int, summits: Summits, model: Model, room: Room) -> None:
-    """Laplace's integral of the climbs that ended takes the curvature as it is, where that is positive."""
-    most = summits.place.shape[1]
-    _solved(ended, room.held, _lanes(room.step, len(model.mean), ended), model, room)
+        _solved(ended, model, room)  # Laplace's integral takes it as it is,
     for i in range(ended):
-        exact = room.log_determinant[i]
-        if exact == exact:  # NaN where it is not
-            summits.log_evidence[room.done[i] // most, room.done[i] % most] += (room.value[i] - exact) / 2
-
-
-@inlined
-def _lanes(room: Floats, rows: int, n: int) -> Floats:
-    """So many rows of n lanes in the array."""
-    return room[: rows * n].reshape(rows, n)
+        if log_determinant[i] == log_determinant[i]:  # where that is positive, else it is NaN
+            summits.log_evidence[done[i] // most, done[i] % most] += (value[i] - log_determinant[i]) / 2
+    return going

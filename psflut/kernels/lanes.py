@@ -21,7 +21,9 @@ class Model(NamedTuple):
     attenuation : (M, K) array
     shape : (K,) array
     basis : (J, K) array
-    products : (J (J + 1) / 2, K) array
+    functions : (K, J) array
+        The same, annulus by annulus.
+    products : (K, J (J + 1) / 2) array
         Of any two basis functions, packed as `psflut.kernels.algebra` says.
     mean, precision : (J,), (J, J) arrays
         Of the prior.
@@ -32,6 +34,7 @@ class Model(NamedTuple):
     attenuation: Floats
     shape: Floats
     basis: Floats
+    functions: Floats
     products: Floats
     mean: Floats
     precision: Floats
@@ -57,44 +60,46 @@ class Summits(NamedTuple):
 
 
 class Room(NamedTuple):
-    """Arrays to work in, for n lanes: what each climbs, the steps it has left and the like (n,); by annulus (n, K), or
-    of one lane (K,); by coefficient (J n,), of which as many lanes are used as climb; by pair of them."""
+    """Arrays to work in, for n lanes; few of them, as each costs time to compile.
 
-    climb: Places
-    left: Places
-    done: Places
+    Parameters
+    ----------
+    lane : (3, n) array
+        Number of what each climbs, the steps it has left, and what ended.
+    value : (4, n) array
+        The log density, the curvature's log determinant, and two rows for `psflut.kernels.algebra.solve`.
+    annuli : (4, n, K) array
+        ln S, the slope, and minus the second derivative, held positive and as it is.
+    line : (2, K) array
+        Scene and logarithm of the mean of one lane.
+    bits, number : (2, K) arrays
+        One memory: of exponentials, and of the mean.
+    terms : (4, n, J) array
+        Theta, how far it is from the prior's mean, the prior's pull or the gradient, and the step.
+    pairs : (n, J (J + 1) / 2) array
+        Curvatures.
+    packed, right : (J (J + 1) / 2, n), (J, n) arrays
+        The same, and the gradient, side by side.
+    """
+
+    lane: Places
     value: Floats
-    log_determinant: Floats
-    over: Floats
-    scene: Floats
-    log_scene: Floats
-    slope: Floats
-    held: Floats
-    weight: Floats
-    row: Floats
+    annuli: Floats
+    line: Floats
     bits: Places
     number: Floats
-    mean_bits: Places
-    mean: Floats
-    theta: Floats
-    apart: Floats
-    pull: Floats
-    step: Floats
+    terms: Floats
+    pairs: Floats
     packed: Floats
+    right: Floats
 
 
 def room(model: Model) -> Room:
     """Arrays to work in."""
-    (terms, annuli), pairs = model.basis.shape, len(model.products)
+    (terms, annuli), pairs = model.basis.shape, model.products.shape[1]
     lanes = max(1, min(LANES, SMALL // (annuli * pairs)))
-    climb, left, done = np.zeros((3, lanes), np.int64)
-    value, log_determinant = np.zeros((2, lanes))
-    scene, log_scene, slope, held, weight = np.zeros((5, lanes, annuli))
-    bits, mean_bits = np.zeros((2, annuli), np.int64)
-    theta, apart, pull, step = np.zeros((4, terms * lanes))
+    bits, lane = np.zeros((2, annuli), np.int64), np.zeros((3, lanes), np.int64)
     return Room(
-        *(climb, left, done, value, log_determinant, np.zeros(2 * lanes)),
-        *(scene, log_scene, slope, held, weight, np.zeros(annuli)),
-        *(bits, bits.view(np.float64), mean_bits, mean_bits.view(np.float64)),
-        *(theta, apart, pull, step, np.zeros(pairs * lanes)),
+        *(lane, np.zeros((4, lanes)), np.zeros((4, lanes, annuli)), np.zeros((2, annuli)), bits, bits.view(np.float64)),
+        *(np.zeros((4, lanes, terms)), np.zeros((lanes, pairs)), np.zeros((pairs, lanes)), np.zeros((terms, lanes))),
     )

@@ -6,7 +6,7 @@ from scipy import fft
 
 from psflut.fourier import continued, padded_shape, transfer
 from psflut.restore.intake import checked
-from psflut.restore.steps import LEAST, Path, ratio
+from psflut.restore.steps import LEAST, Path, ratio, rounding
 
 Reals = NDArray[np.floating]
 Spectrum = NDArray[np.complexfloating]
@@ -45,12 +45,12 @@ def blind_richardson_lucy(
     """
     image, psf = checked(image, psf, positive=True)
     grid, size = padded_shape(image.shape, len(psf) // 2), len(psf)
-    scene, spot, weight = Path(continued(image, grid)), Path(psf), _weight(image, grid)
+    scene, spot, weight, least = Path(continued(image, grid)), Path(psf), _weight(image, grid), rounding(image)
     for _ in range(iterations):
         guess, blur = (path.prediction() if acceleration else path.now for path in (scene, spot))
         spectrum, otf = fft.rfft2(guess), transfer(blur / blur.sum(), grid)
         reblurred = fft.irfft2(spectrum * otf, grid)[: image.shape[0], : image.shape[1]]
-        pulls = np.stack([fft.rfft2(ratio(image, reblurred), grid), weight])
+        pulls = np.stack([fft.rfft2(ratio(image, reblurred, least), grid), weight])
         gain, seen = _correlated(pulls, otf, grid)
         scene = scene.moved(guess, guess * _share(gain, seen))
         gain, seen = _central(_correlated(pulls, spectrum, grid), size)

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from psflut.reblur import blur
 from psflut.restore.intake import checked
-from psflut.restore.steps import LEAST, Path, ratio
+from psflut.restore.steps import LEAST, Path, ratio, rounding
 
 Reals = NDArray[np.floating]
 
@@ -52,10 +52,10 @@ def richardson_lucy(
     reblur = blur(psf, (image.shape[0], image.shape[1]))
     seen = reblur.pulled(np.ones_like(image))
     share, unseen = 1 / np.maximum(seen, LEAST), np.flatnonzero(seen <= LEAST)
-    path = Path(reblur.laid(first))
+    path, least = Path(reblur.laid(first)), rounding(image)
     for _ in range(iterations):  # in place: new arrays of this size cost half a transform each
         guess = path.prediction() if acceleration else path.now
-        now = reblur.pulled(ratio(image, reblur.seen(guess), filter_epsilon))
+        now = reblur.pulled(ratio(image, reblur.seen(guess), least, filter_epsilon))
         now *= share
         now.put(unseen, 1)
         now *= guess

@@ -35,10 +35,15 @@ class Path:
         return Path(now, self.now, (now - guess, *self.steps[:1]))
 
 
-def ratio(image: Reals, reblurred: Reals, filter_epsilon: float = 0.0) -> Reals:
-    """image / reblurred in the place of `reblurred`; no division by mere rounding."""
+def rounding(image: Reals) -> float:
+    """Below it a reblurred image of that type and height holds nothing but rounding."""
+    return float(np.finfo(image.dtype).eps * image.max())
+
+
+def ratio(image: Reals, reblurred: Reals, least: float, filter_epsilon: float = 0.0) -> Reals:
+    """image / reblurred, which is no less than `rounding`, in the place of `reblurred`."""
     dark = reblurred < filter_epsilon if reblurred.min() < filter_epsilon else None
-    np.maximum(reblurred, np.finfo(image.dtype).eps * image.max(), out=reblurred)
+    np.maximum(reblurred, least, out=reblurred)
     np.divide(image, reblurred, out=reblurred)
     if dark is not None:
         reblurred[dark] = 0

@@ -9,12 +9,13 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
+from scipy.interpolate import PchipInterpolator
 
 from psflut.estimation import Estimate, Outcome
 from psflut.plots.look import INK, TRUTH, Palette, Plot, palette_of, styled
 
-LOWEST_LOG = -60.0
-"""Nats below its peak to which a log density is shown."""
+LOWEST_LOG = -20.0
+"""Nats below its peak to which a log density is shown, and the distances where it is higher."""
 
 
 @styled
@@ -35,6 +36,7 @@ def curves(
             axis = grid[row, column] if len(truths) > 1 else grid.flat[row]
             curve(axis, found, colours[method])
             axis.axvline(truth, color=TRUTH, lw=1, ls="--", label="truth")
+            show(axis, truth)
             axis.set_title(f"{method}, object at {truth:.4g} m")
     for axis in grid[-1] if len(truths) > 1 else grid.flat:
         axis.set_xlabel("distance (m)")
@@ -44,6 +46,13 @@ def curves(
     handles = [Patch(color=INK, alpha=0.2, lw=0), Line2D([], [], color=INK, lw=1.5), grid[0, 0].lines[-1]]
     figure.legend(handles, labels, loc="outside lower center", ncols=3)
     return figure
+
+
+def show(axis: Axes, place: float) -> None:
+    """Widen an Axes, if it must be, until a distance is in it."""
+    low, high = axis.get_xlim()
+    margin = 0.05 * (high - low)
+    axis.set_xlim(min(low, place - margin), max(high, place + margin))
 
 
 def curve(axis: Axes, found: Estimate, colour: str) -> None:
@@ -61,8 +70,15 @@ def curve(axis: Axes, found: Estimate, colour: str) -> None:
         axis.set(xlabel="distance (m)", ylabel="density (1/m)", xlim=reached)
     elif found.curve is not None and found.curve.label.startswith("log"):
         values = found.curve.value - np.max(found.curve.value)
-        axis.plot(found.curve.position, values, color=colour, lw=1.2)
-        axis.set(ylabel=fill(found.curve.label, 18), ylim=(1.1 * max(np.min(values), LOWEST_LOG), 0.5))
+        order = np.argsort(found.curve.position)
+        smooth = PchipInterpolator(found.curve.position[order], values[order])
+        seen = np.append(found.curve.position[values > LOWEST_LOG], found.interval)
+        margin = 0.1 * float(np.ptp(seen))
+        low, high = max(seen.min() - margin, smooth.x[0]), min(seen.max() + margin, smooth.x[-1])
+        positions = np.linspace(float(low), float(high), 500)
+        axis.plot(positions, smooth(positions), color=colour, lw=1.2)
+        floor = 1.1 * max(np.min(values), LOWEST_LOG)
+        axis.set(ylabel=fill(found.curve.label, 18), xlim=(low, high), ylim=(floor, 0.5))
     elif found.curve is not None:
         order = np.argsort(found.curve.position)
         axis.plot(found.curve.position[order], found.curve.value[order], color=colour, lw=1.2, marker=".", ms=2)

@@ -2,7 +2,7 @@
 
     python -m pytest -m campaign tests/hard/test_fuzz.py -s        # ten minutes
 
-Inputs that once broke a reader stand in `test_bad_texts`, `test_bad_images` and `test_bad_stores`.
+Inputs that once broke a reader stand in `test_bad_manifests`, `test_bad_images`, `test_bad_folders` and their like.
 """
 
 import collections

@@ -1,0 +1,87 @@
+"""Options of commands that measure tables and compare methods, which say what cannot be: refused in a sentence."""
+
+import pytest
+from samples import sampled
+
+COMPARE = ["compare", "--table", "lab16mm", "--images", "camera", "--method", "wiener", "-o", "out"]
+MEASURE = ["calibrate", "captures.csv", "--target", "point", "--pixel-pitch", "6 um", "-o", "n.zarr"]
+REPORT = ["report", "image.tif", "--table", "lab16mm", "-o", "r.html"]
+BUILD = ["build", "recipe.toml"]
+OPTIONS = [
+    [*COMPARE, "--runs", "-1"],
+    [*COMPARE, "--distances", "0"],
+    [*COMPARE, "--workers", "0"],
+    [*COMPARE, "--level", "1"],
+    [*COMPARE, "--images", "."],
+    [*COMPARE, "--images", ""],
+    [*COMPARE, "--images", "camera,,coins"],
+    [*COMPARE, "--captures", "nothing.csv"],
+    [*COMPARE, "-o", "image.tif"],
+    [*COMPARE, "-o", "image.tif/out"],
+    [*COMPARE, "--scheduler", "nowhere"],
+    [*COMPARE, "--seed", "-4"],
+    [*COMPARE, "--distances", "1000000000"],
+    [*COMPARE, "--runs", "1000000000"],
+    [*COMPARE, "--captures", "captures.csv"],
+    [*MEASURE, "--target", "sphere"],
+    [*MEASURE, "--target", "point:pinhole=-3"],
+    [*MEASURE, "--target", "point:size=3"],
+    [*MEASURE, "--target", "pattern"],
+    [*MEASURE, "--reference", "image.tif"],
+    [*MEASURE, "--size", "4"],
+    [*MEASURE, "--size", "-3"],
+    [*MEASURE, "--size", "100001"],
+    [*MEASURE, "--camera", "camera.toml"],
+    [*MEASURE, "--pixel-pitch", "6"],
+    [*MEASURE, "--pixel-pitch", "-6 um"],
+    [*MEASURE, "--pixel-pitch", "0 um"],
+    [*MEASURE, "--dark", "nothing.tif"],
+    [*MEASURE, "--dark", "nan"],
+    [*MEASURE, "--dark", "2"],
+    [*MEASURE, "--placement", "3"],
+    [*MEASURE, "--placement", "-1 mm"],
+    [*MEASURE, "--model", "magic"],
+    [*MEASURE, "--planes", "2", "--model", "pupil"],
+    [*MEASURE, "--planes", "9"],
+    [*MEASURE, "--modes", "-1"],
+    [*MEASURE, "--modes", "2"],
+    [*MEASURE, "-o", "n.h5"],
+    [*MEASURE, "-o", "t.zarr"],
+    [*MEASURE, "-o", "nowhere/n.zarr"],
+    [*MEASURE, "--figure", "nowhere/n.png"],
+    [*MEASURE, "--figure", "image.png"],
+    [*MEASURE],
+    [*MEASURE, "--pixel-pitch", "6 mm"],
+    [*MEASURE, "--target", "point:rounds=0"],
+    [*MEASURE, "--target", "point:oversampling=1000"],
+    [*MEASURE, "--figure", "n.png", "--check-figure", "n.png"],
+    [*REPORT, "--seed", "-1"],
+    [*REPORT, "-o", "r.txt"],
+    [*REPORT, "-o", "nowhere/r.html"],
+    [*REPORT, "--posterior", "chain.h5"],
+    [*REPORT, "--patch", "0,0,3"],
+    [*BUILD],
+    [*BUILD, "-o", "t.zarr"],
+    [*BUILD, "-o", "t.zarr.zip"],
+    [*BUILD, "-o", "n.hdf5"],
+    [*BUILD, "-o", "nowhere/n.zarr"],
+    [*BUILD, "-o", "image.tif/n.zarr"],
+    ["build", ".", "-o", "n.zarr"],
+    ["build", "t.zarr.zip", "-o", "n.zarr"],
+    ["build", "a\0b", "-o", "n.zarr"],
+    ["target", "-o", "page.docx"],
+    ["target", "-o", "page.png", "--size", "B7"],
+    ["target", "-o", "page.png", "--seed", "-1"],
+    ["target", "-o", "nowhere/page.png"],
+    ["target", "-o", "image.png"],
+    ["check", "t.zarr", "captures.csv"],
+    ["check", "t.zarr", "nothing.csv", "--target", "point"],
+    ["check", "t.zarr", "captures.csv", "--target", "point", "--gamma", "-1"],
+    ["demo", "-o", "image.tif"],
+    ["demo", "-o", "image.tif/out"],
+]
+
+
+@pytest.mark.parametrize("words", sampled(OPTIONS))
+def test_settings_are_refused(refused, words):
+    refused(*words)

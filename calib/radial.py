@@ -34,30 +34,48 @@ def radial_planes(radius: Floats, sampling: float, spherical: float, size: int) 
     -------
     (M, size, size) array, sum 1.
     """
-    split = 2 * int(np.ceil(sampling)) + 1
-    half = size // 2
-    line = (np.arange(split * (half + 1)) - split // 2) / split * sampling  # fine pixels right and below the centre
-    away = np.hypot(line[:, None], line)
-    rho, weight, bessel = _nodes(int(np.ceil(away.max() / 20.0)) * 20)
+    means = _means(float(sampling), size)
+    rho, weight, bessel = _nodes(len(means))
     wave = 0.25 * sampling * np.asarray(radius)[:, None] * rho**2 + spherical * (6 * rho**4 - 6 * rho**2 + 1)
-    intensity = np.abs((weight * rho * np.exp(2j * np.pi * wave)) @ bessel) ** 2
-    place = away / STEP
-    low = place.astype(int)
-    part = place - low
-    shape = (half + 1, split, half + 1, split)
-    quarter = [((1 - part) * each[low] + part * each[low + 1]).reshape(shape).mean(axis=(1, 3)) for each in intensity]
-    quarters = np.stack(quarter)
+    phase, light = 2 * np.pi * wave, weight * rho
+    intensity = ((light * np.cos(phase)) @ bessel) ** 2 + ((light * np.sin(phase)) @ bessel) ** 2
+    quarters = (intensity @ means).reshape(-1, size // 2 + 1, size // 2 + 1)
     right = np.concatenate([quarters[:, :, :0:-1], quarters], axis=2)
     planes = np.concatenate([right[:, :0:-1], right], axis=1)
     return np.asarray(planes / planes.sum(axis=(1, 2), keepdims=True))
 
 
 @lru_cache(maxsize=8)
-def _nodes(reach: int) -> tuple[Floats, Floats, Floats]:
-    """Gauss-Legendre nodes and weights over the pupil's radius, and J0 for s from 0 to a little beyond `reach`."""
-    nodes, weights = np.polynomial.legendre.leggauss(64 + 2 * reach)
+def _means(sampling: float, size: int) -> Floats:
+    """From samples of the intensity to the pixels of the quarter right and below the centre: (samples, pixels).
+
+    A fit changes the sampling once in six steps: all planes, and the other five, share it.
+    """
+    split = 2 * int(np.ceil(sampling)) + 1
+    half = size // 2
+    fine = np.arange(split * (half + 1))
+    line = (fine - split // 2) / split * sampling
+    place = np.hypot(line[:, None], line) / STEP
+    low = place.astype(int)
+    part = (place - low) / split**2
+    pixel = fine[:, None] // split * (half + 1) + fine // split
+    shape = _samples(place.max() * STEP), (half + 1) ** 2
+    at = np.concatenate([low, low + 1]) * shape[1] + np.concatenate([pixel, pixel])
+    share = np.concatenate([1 / split**2 - part, part])
+    return np.bincount(at.ravel(), share.ravel(), shape[0] * shape[1]).reshape(shape)
+
+
+def _samples(reach: float) -> int:
+    """From the centre to a little beyond s = `reach`, rounded up so that few kinds of `_nodes` are kept."""
+    return int(np.ceil(reach / 20.0) * 20 / STEP) + 3
+
+
+@lru_cache(maxsize=8)
+def _nodes(samples: int) -> tuple[Floats, Floats, Floats]:
+    """Gauss-Legendre nodes and weights over the pupil's radius, and J0 at so many samples along the radius."""
+    nodes, weights = np.polynomial.legendre.leggauss(64 + int(2 * STEP * samples))
     rho = 0.5 * (nodes + 1.0)
-    return rho, 0.5 * weights, j0(np.pi * np.outer(rho, STEP * np.arange(reach / STEP + 3)))
+    return rho, 0.5 * weights, j0(np.pi * np.outer(rho, STEP * np.arange(samples)))
 
 
 @lru_cache(maxsize=8)

@@ -62,7 +62,7 @@ def _means(sampling: float, size: int) -> Floats:
     shape = _samples(place.max() * STEP), (half + 1) ** 2
     at = np.concatenate([low, low + 1]) * shape[1] + np.concatenate([pixel, pixel])
     share = np.concatenate([1 / split**2 - part, part])
-    return np.bincount(at.ravel(), share.ravel(), shape[0] * shape[1]).reshape(shape)
+    return np.asarray(np.bincount(at.ravel(), share.ravel(), shape[0] * shape[1]).reshape(shape), np.float64)
 
 
 def _samples(reach: float) -> int:

@@ -12,13 +12,13 @@ from psflut import Noise, Observation, Setup, estimate, read_table, simulate
 from psflut.optics import Camera
 from psflut.psfs.pupil import Pupil
 
-FINE, SIZE, SIDE = 5, 31, 180
+FINE, SIZE, SIDE = 5, 31, 120
 DISTANCES = 1 / np.linspace(1 / 1.25, 1 / 2.4, 9)
 READ, GAIN = 0.002, 20_000.0
 
 
 def frame(camera, distance, places, rng):
-    """Nine bright points at random sub-pixel places, 12 bits, read and photon noise."""
+    """Four bright points at random sub-pixel places, 12 bits, read and photon noise."""
     model = Pupil()(replace(camera, pixel_pitch=camera.pixel_pitch / FINE), distance, FINE * SIZE)
     canvas = np.full((SIDE * FINE, SIDE * FINE), 0.02 / FINE**2)
     for y in range(30, SIDE - 29, 60):

@@ -25,7 +25,7 @@ SPLIT, SIZE, SIDE = 4, 31, 152
 FINE = dataclasses.replace(LENS, pixel_pitch=LENS.pixel_pitch / SPLIT)
 VIEWS = ((0.95, 1.04, 0.0), (1.3, 0.97, 0.5), (1.65, 1.02, -1.0), (2.1, 1.0, 0.3))
 """Distance (m), magnification against the reference, and turn (degrees)."""
-MEASURED = VIEWS[:3]
+MEASURED = VIEWS[:2]
 
 
 @cache
@@ -58,6 +58,7 @@ def camera(light, seed, imager=None, gain=20_000.0, read=0.002, bits=12):
     return frame if imager else np.round(frame.clip(0, 1) * levels) / levels
 
 
+@cache
 def blurred(distance, magnification, turn):
     psf = Pupil()(FINE, distance, SIZE * SPLIT + 1)
     return pixels(signal.oaconvolve(seen(magnification, turn, SIDE + 36), psf, mode="same"))[18:-18, 18:-18]

@@ -11,6 +11,19 @@ N the noise. Given V, P_k is gamma distributed with shape a_k (the annulus' effe
 
 and theta has the texture prior p(theta). `psflut.laplace` integrates the scene out, for all distances together;
 emcee samples the same density, `log_joint`.
+
+What else a patch might tell was tried on 576 captures of kodak (lab16mm, 128 pixels, priors learnt from the other
+photographs; median error near, in the middle, far):
+
+* its pixels over their local amplitude, smoothed over 16 or 24 pixels (a scale mixture of normals): 0.33 to 0.42, 0.75
+  to 0.89, 1.5 to 1.7 % instead of 0.32, 0.74, 1.3 %;
+* its likeness to edges (kurtosis, skewness and unevenness of what is fine in it, and its anisotropy): correlations
+  with the error, in its standard deviations, stay within 0.17, and a regression on all, learnt from the other
+  photographs, makes errors no smaller;
+* annuli cut in two, three or four sectors, each with a spectrum of its own: the same within chance for a PSF without
+  aberrations, and 95 % intervals cover as many. With a quarter of a wave of astigmatism errors fall from 0.90, 1.5 and
+  2.2 % to 0.46, 0.70 and 1.4 % (four sectors, 240 captures; coverage 74 and 90 %), of coma from 0.67, 1.7 and 2.2 % to
+  0.54, 1.1 and 1.9 % (two). So a table whose PSFs are far from round is not read to its limit here.
 """
 
 from dataclasses import dataclass, replace

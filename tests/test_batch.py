@@ -31,11 +31,10 @@ def test_each_patch_has_the_estimate_that_it_has_alone(lab16mm, patches, threads
     for k, patch in enumerate(patches):
         alone = estimate(Observation(patch, NOISE), lab16mm, "wiener")
         assert OUTCOMES[together.outcome[k]] is alone.outcome
-        width = np.ptp(alone.interval)
-        assert together.distance[k] == pytest.approx(alone.distance, abs=0.01 * width)
-        np.testing.assert_allclose(together.interval[k], alone.interval, atol=0.01 * width)
-        assert together.weight[k] == pytest.approx(alone.modes[0].weight, abs=1e-3)
-        assert together.misfit[k] == pytest.approx(alone.stats.get("misfit", np.nan), rel=1e-3, nan_ok=True)
+        assert together.distance[k] == pytest.approx(alone.distance, rel=1e-9)
+        np.testing.assert_allclose(together.interval[k], alone.interval, rtol=1e-9)
+        assert together.weight[k] == pytest.approx(alone.modes[0].weight, rel=1e-9)
+        assert together.misfit[k] == pytest.approx(alone.stats.get("misfit", np.nan), rel=1e-9, nan_ok=True)
     assert {OUTCOMES[k] for k in together.outcome} >= {Outcome.OK, Outcome.FLAT, Outcome.SATURATED}
 
 

@@ -27,7 +27,10 @@ further."""
 
 @compiled
 def climb(which: Places, patches: Patches, summits: Summits, model: Model, room: Room) -> None:
-    """Fill the log evidence of those climbs, numbered patch after patch, and go to the best theta, in place."""
+    """Fill the log evidence of those climbs, numbered patch after patch, and go to the best theta, in place.
+
+    No climb depends on what else is climbed: what is best of its patch is what was known before.
+    """
     number, left = room.lane[0], room.lane[1]
     n, begun = 0, 0
     while n > 0 or begun < len(which):
@@ -118,7 +121,6 @@ def _taken(n: int, summits: Summits, model: Model, room: Room) -> int:
         for j in range(len(model.mean)):
             summits.theta[b, r, j] += LONGEST_STEP / longest * step[i, j]
         here = value[i] - log_determinant[i] / 2
-        summits.best[b] = max(summits.best[b], here)
         left[i] -= 1
         if left[i] == 0 or gain <= TOLERANCE + SLACK * max(summits.best[b] - here - gain, 0.0):
             summits.log_evidence[b, r] = here + gain / 2

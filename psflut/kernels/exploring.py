@@ -89,7 +89,9 @@ def _explore(
     count, most = found.place.shape
     summits = Summits(found.place, found.theta, found.log_evidence, np.empty(count))
     asking, first, four, part = np.ones(count, np.bool_), found.seen.copy(), np.zeros(4, np.int64), np.zeros(4)
-    climb(which[: _again(share, found, summits.best, which)], patches, summits, model, room)
+    tops, asked = _again(share, found, summits.best, which)
+    _look(which[:tops], patches, summits, model, room)
+    _look(which[tops:asked], patches, summits, model, room)
     asked = 1
     while asked > 0:
         asked = 0
@@ -101,7 +103,7 @@ def _explore(
                 for r in range(first[b], found.seen[b]):
                     which[asked] = b * most + r
                     asked += 1
-        climb(which[:asked], patches, summits, model, room)
+        _look(which[:asked], patches, summits, model, room)
         for n in range(asked):
             _link(which[n] // most, which[n] % most, found)
     for b in range(count):
@@ -112,8 +114,18 @@ def _explore(
 
 
 @inlined
-def _again(share: Floats, found: Found, best: Floats, which: Places) -> int:
-    """List every distance that is to be looked at anew, the best of each patch first; returns how many."""
+def _look(which: Places, patches: Patches, summits: Summits, model: Model, room: Room) -> None:
+    """Climb all of these, then note what is best of each patch."""
+    climb(which, patches, summits, model, room)
+    for n in range(len(which)):
+        b, r = which[n] // summits.place.shape[1], which[n] % summits.place.shape[1]
+        summits.best[b] = max(summits.best[b], summits.log_evidence[b, r])
+
+
+@inlined
+def _again(share: Floats, found: Found, best: Floats, which: Places) -> tuple[int, int]:
+    """List every distance that is to be looked at anew, the best of each patch first; returns how many these are, and
+    all."""
     count, most = found.place.shape
     asked = 0
     for b in range(count):
@@ -126,14 +138,15 @@ def _again(share: Floats, found: Found, best: Floats, which: Places) -> int:
             best[b] = -np.inf
             which[asked] = b * most + top
             asked += 1
-    for n in range(asked):
+    tops = asked
+    for n in range(tops):
         b, top = which[n] // most, which[n] % most
         for r in range(found.seen[b]):
             found.surprise[b, r] *= share[b]
             if r != top:
                 which[asked] = b * most + r
                 asked += 1
-    return asked
+    return tops, asked
 
 
 @inlined

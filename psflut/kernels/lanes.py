@@ -51,7 +51,7 @@ class Patches(NamedTuple):
 
 class Summits(NamedTuple):
     """What is climbed, up to R distances of each patch: their rows in the model's attenuation, theta, where a climb
-    starts and ends, and the log evidence (B, R); its best of each patch (B,), as far as it is known."""
+    starts and ends, and the log evidence (B, R); its best of each patch (B,) that is known before."""
 
     place: Places
     theta: Floats

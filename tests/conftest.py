@@ -21,6 +21,19 @@ def pytest_xdist_auto_num_workers(config):
     return os.cpu_count()
 
 
+COMPILE_NOTHING = ("test_check", "test_lens_course", "test_noise_target", "test_target_")
+"""Files of tests that call no compiled loops, half a minute of them."""
+
+
+@pytest.hookimpl(trylast=True)  # when campaigns are left out
+def pytest_collection_modifyitems(items):
+    """Of two workers the second begins with what compiles nothing, so that only the first compiles, and keeps it."""
+    first = [item for item in items if not item.path.name.startswith(COMPILE_NOTHING)]
+    then = [item for item in items if item.path.name.startswith(COMPILE_NOTHING)]
+    half = len(items) // 2
+    items[:] = first[:half] + then + first[half:]
+
+
 @pytest.fixture(scope="session", autouse=True)
 def one_parser():
     """The parser of the command line is made once, not for each of a thousand commands: 25 ms each."""

@@ -62,13 +62,6 @@ def test_every_method_sees_the_same_capture(bench):
     assert alone[0]._replace(seconds=0) == records[1]._replace(seconds=0)
 
 
-def test_processes_give_the_same_bytes_as_one(bench, tmp_path):
-    assert go(bench, tmp_path / "one")[0] == 0
-    go(bench, tmp_path / "two", lambda *words: local(*words, 2))
-    for name in ("results.csv", "results.zarr/estimate/c/0/0/0"):
-        assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
-
-
 def test_a_torn_journal_is_mended_and_nothing_is_done_twice(bench, tmp_path):
     go(bench, tmp_path / "whole")
     go(bench, tmp_path / "torn")
@@ -130,7 +123,8 @@ def test_a_killed_comparison_goes_on_where_it_stopped(run, tmp_path, monkeypatch
         assert run(*words, 1, "-o", tmp_path / folder) == 0
     assert journal.read_bytes().startswith(before[: before.rindex(b"\n") + 1])
     assert journal.read_bytes().count(b"\n") == 25
-    assert (tmp_path / "killed" / "results.csv").read_bytes() == (tmp_path / "whole" / "results.csv").read_bytes()
+    for name in ("results.csv", "results.zarr/estimate/c/0/0/0"):  # begun by two processes, or all by one
+        assert (tmp_path / "killed" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
 
 
 def test_a_journal_keeps_only_whole_lines(tmp_path):

@@ -104,7 +104,7 @@ def test_a_known_scene_is_a_second_image_without_blur_and_noise(thesis, scene):
 def test_a_capture_of_more_noise_than_scene_has_the_exposure_of_its_known_scene(thesis, scene):
     setup = replace(capture.setup_of(thesis), noise="variance:1e-3")
     ideal, errors = capture.ideal_image(scene, setup)[PLACE], []
-    for seed, distance in enumerate((3.31, 3.62, 3.93, 4.24)):
+    for seed, distance in enumerate((3.31, 4.24)):
         image, noise = capture.simulate(scene, thesis, distance, setup, seed)
         assert noise.read > np.std(image[PLACE]) / np.sqrt(2)
         found = estimate(Observation(image[PLACE], noise, scene=ideal), thesis, "two_image")

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy import fft, ndimage
 
 from psflut.errors import PsflutError
+from psflut.fourier import frequency
 
 Floats = NDArray[np.float64]
 
@@ -121,7 +122,7 @@ def _picture(target: NoiseTarget) -> Floats:
     """Kept, as every frame asks for it."""
     rows, columns = target.cells
     noise = np.random.default_rng(target.seed).standard_normal((rows, columns))
-    cycles = np.hypot(fft.fftfreq(rows)[:, None], fft.rfftfreq(columns))
+    cycles = frequency((rows, columns))
     cycles[0, 0] = np.inf
     field = fft.irfft2(fft.rfft2(noise) * cycles ** (-SLOPE / 2.0), noise.shape)
     white = np.pad(np.kron(field > np.median(field), np.ones((DOTS, DOTS))), _dots(AROUND), constant_values=1.0)

@@ -4,10 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import fft
 from scipy.interpolate import interp1d
 
-from psflut import evidence
+from psflut import evidence, fourier
 from psflut.covariance import covariance
 from psflut.imagers import Imager
 from psflut.noise import Noise
@@ -88,8 +87,7 @@ class Textures:
         """(M, K, K) relative covariance of the powers, of captures of the typical scene; of every `SPARSE`th position,
         linear between."""
         rings = annuli(self.shape)
-        frequency = np.hypot(fft.fftfreq(rings.doubled[0])[:, None], fft.rfftfreq(rings.doubled[1]))
-        coefficients = basis(np.maximum(frequency, rings.frequency[0]), len(self.typical))
+        coefficients = basis(np.maximum(fourier.frequency(rings.doubled), rings.frequency[0]), len(self.typical))
         response = sensor.imager.transfer(rings.doubled) ** 2
         scene, own = np.exp(coefficients @ self.typical) * response, np.exp(self.bank.basis @ self.typical)
         places, found = np.unique(np.r_[0 : len(self.bank.even) : SPARSE, len(self.bank.even) - 1]), []

@@ -58,6 +58,11 @@ def autocorrelation(taper: NDArray[np.floating], grid: tuple[int, int]) -> NDArr
     return np.asarray(lags / lags[0, 0])
 
 
+def frequency(grid: tuple[int, int]) -> NDArray[np.float64]:
+    """(H, W // 2 + 1) distance of each frequency from zero, cycles a pixel."""
+    return np.asarray(np.hypot(fft.fftfreq(grid[0])[:, None], fft.rfftfreq(grid[1])))
+
+
 def slopes(grid: tuple[int, int]) -> NDArray[np.complexfloating]:
     """(2, H, W // 2 + 1) derivatives of a shifted image by its shift, down and across, at each frequency."""
     height, width = grid

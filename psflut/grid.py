@@ -5,7 +5,6 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import fft
 
 from psflut import evidence, fourier, restore, texture
 from psflut.candidates import solve
@@ -84,8 +83,7 @@ def restored(problem: Problem, found: Grid, distance: float) -> Floats:
     theta = found.scene_at(float(problem.table.even(distance)))
     shape = fourier.padded_shape(problem.shape, problem.table.size)
     # Below the patch's own annuli theta says nothing: polynomials run off to any height there.
-    frequency = np.hypot(fft.fftfreq(shape[0])[:, None], fft.rfftfreq(shape[1]))
-    frequency = np.maximum(frequency, annuli(problem.shape).frequency[0])
+    frequency = np.maximum(fourier.frequency(shape), annuli(problem.shape).frequency[0])
     scene = np.exp(texture.basis(frequency.ravel(), len(theta)) @ theta).reshape(frequency.shape)
     response = problem.imager.transfer(shape) ** 2
     noise = problem.noise.power(response, problem.mean_level)

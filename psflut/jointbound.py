@@ -13,10 +13,10 @@ and shift are nuisances too.
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import fft, linalg
+from scipy import linalg
 
 from psflut.estimation import Problem
-from psflut.fourier import once, slopes, transfer
+from psflut.fourier import frequency, once, slopes, transfer
 from psflut.pair import Spectrum, paired
 from psflut.spectrum import annuli
 from psflut.texture import FREQUENCIES, TexturePrior, basis
@@ -51,7 +51,7 @@ def bound(first: Problem, second: Problem, even: float, theta: Floats, prior: Te
         high - low
     )
     total = np.sum(np.abs(b) ** 2, axis=0)
-    radius = np.hypot(fft.fftfreq(shape[0])[:, None], fft.rfftfreq(shape[1]))
+    radius = frequency(shape)
     scene = np.exp(basis(np.maximum(radius, FREQUENCIES[0]).ravel(), len(theta)) @ theta).reshape(radius.shape)
     snr = scene * response * total
     share = snr / (1 + snr)

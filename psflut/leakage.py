@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from psflut.fourier import once
+from psflut.fourier import frequency, once
 from psflut.imagers import Imager
 from psflut.spectrum import annuli, whitening
 
@@ -43,9 +43,7 @@ def _grid(shape: tuple[int, int], size: int) -> tuple[int, int]:
 def _shares(shape: tuple[int, int], imager: Imager, size: int) -> Floats:
     """What T counts for in each annulus, by frequency: (K, h, w // 2 + 1) on the grid (h, w) of `_grid`."""
     rings, grid = annuli(shape), _grid(shape, size)
-    height, width = rings.doubled
-    frequency = np.hypot(fft.fftfreq(height)[:, None], fft.rfftfreq(width))
-    scene = np.maximum(frequency, 1.0 / min(shape)) ** -STEEPNESS
+    scene = np.maximum(frequency(rings.doubled), 1.0 / min(shape)) ** -STEEPNESS
     weight = scene * (imager.transfer(rings.doubled) * whitening(rings.doubled)) ** 2
     near = np.ix_(*(np.r_[0 : (side + 1) // 2, -(side // 2) : 0] for side in grid))
     shares = np.empty((len(rings.frequency), grid[0], grid[1] // 2 + 1))

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import fft
 
 from psflut.errors import PsflutError
+from psflut.fourier import frequency
 
 THESIS_READINGS = ("variance", "relative")
 """The thesis adds noise with "variance 0.1 % of the image gray levels", which can be read in two ways."""
@@ -110,7 +111,7 @@ def estimate_noise(image: NDArray[np.floating], quantum: float = 0.0) -> Noise:
     height, width = image.shape
     window = np.outer(np.hanning(height + 2)[1:-1], np.hanning(width + 2)[1:-1])
     power = np.abs(fft.rfft2(window * (image - image.mean()))) ** 2 / np.sum(window**2)
-    corner = np.hypot(fft.fftfreq(height)[:, None], fft.rfftfreq(width)) > 0.5
+    corner = frequency((height, width)) > 0.5
     sigma = np.sqrt(np.median(power[corner]) / np.log(2.0))
     floor = max(quantum / np.sqrt(12.0), 1e-6 * float(np.abs(image).max()), 1e-12)
     return Noise(read=float(max(sigma, floor)))

@@ -92,7 +92,7 @@ class Pair:
     @cached_property
     def share(self) -> Floats:
         """w of every bin."""
-        frequency = np.hypot(fft.fftfreq(self.grid[0])[:, None], fft.rfftfreq(self.grid[1]))
+        frequency = fourier.frequency(self.grid)
         share = np.maximum(1 - 1 / self.excess, 0.0)
         return np.asarray(np.interp(frequency, annuli(self.first.shape).frequency, share))
 

@@ -37,7 +37,8 @@ def words(found: Sequence[Score], span: float | None = None) -> list[list[str]]:
 
 
 def _words(s: Score) -> list[str]:
-    lengths = [f"{100 * each:.3g} cm" for each in (s.median_error, s.rmse, s.bias, s.scatter, s.width)]
+    metres = s.median_error, s.rmse, s.bias, s.scatter, s.width
+    lengths = ["" if np.isnan(each) else f"{100 * each:.3g} cm" for each in metres]  # one capture has no scatter
     outcomes = ", ".join(f"{name} {share:.0%}" for name, share in s.outcomes.items() if share)
     ratio, low, high = s.ratio
     compared = "" if np.isnan(ratio) else f"{ratio:.2g} ({low:.2g} to {high:.2g})"

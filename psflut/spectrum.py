@@ -40,6 +40,7 @@ from numpy.typing import NDArray
 from scipy import fft
 from scipy.signal.windows import tukey
 
+from psflut import fourier
 from psflut.fourier import autocorrelation, once
 
 Floats = NDArray[np.float64]
@@ -162,9 +163,8 @@ class Annuli:
 @lru_cache(maxsize=16)
 def annuli(shape: tuple[int, int]) -> Annuli:
     """The annuli of patches of that shape."""
-    height, width = shape
     taper = np.outer(*(tukey(side, 2 * RISE) for side in shape))
-    frequency = np.hypot(fft.fftfreq(height)[:, None], fft.rfftfreq(width))
+    frequency = fourier.frequency(shape)
     step = 1.0 / min(shape)
     index = np.floor(frequency / step - LOWEST).astype(np.intp)
     weight = once(shape) * np.ones_like(frequency)

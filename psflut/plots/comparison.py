@@ -109,7 +109,7 @@ def scatter(
             axis.plot(
                 bound.axis, 100 * bound.within, color=TRUTH, lw=1, ls=":", label="the same within the table's range"
             )
-        margin = 0.03 * (max(truths) - min(truths))
+        margin = 0.03 * (float(np.ptp(truths)) or max(truths))  # all may be at one distance
         axis.set_xlim(min(truths) - margin, max(truths) + margin)
     axis.set_ylabel("standard deviation of the runs (cm)")
     return _finished(figure, axis)

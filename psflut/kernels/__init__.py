@@ -12,8 +12,14 @@ from numba import njit
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-OPTIONS = {"nogil": True, "error_model": "numpy", "fastmath": {"reassoc", "contract", "arcp", "nsz"}}
-"""Sums may be taken in any order."""
+OPTIONS = {
+    "nogil": True,
+    "error_model": "numpy",
+    "fastmath": {"reassoc", "contract", "arcp", "nsz"},
+    "forceinline": True,
+}
+"""Sums may be taken in any order. What a compiled function calls becomes part of it: else it would be optimised once on
+its own and once more in what is kept of its caller, and the first run would differ from the next in the last bits."""
 
 
 def inlined(function: Function) -> Function:

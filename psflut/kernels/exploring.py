@@ -90,11 +90,16 @@ def _explore(
     summits = Summits(found.place, found.theta, found.log_evidence, np.empty(count))
     asking, first, four, part = np.ones(count, np.bool_), found.seen.copy(), np.zeros(4, np.int64), np.zeros(4)
     tops, asked = _again(share, found, summits.best, which)
-    _look(which[:tops], patches, summits, model, room)
-    _look(which[tops:asked], patches, summits, model, room)
-    asked = 1
-    while asked > 0:
-        asked = 0
+    going = True
+    while going:
+        for begin, end in ((0, tops), (tops, asked)):
+            climb(which[begin:end], patches, summits, model, room)
+            _note(which[begin:end], summits)
+        for n in range(asked):
+            b, r = which[n] // most, which[n] % most
+            if r >= first[b]:
+                _link(b, r, found)
+        tops, asked = 0, 0
         for b in range(count):
             if asking[b]:
                 first[b] = found.seen[b]
@@ -103,9 +108,7 @@ def _explore(
                 for r in range(first[b], found.seen[b]):
                     which[asked] = b * most + r
                     asked += 1
-        _look(which[:asked], patches, summits, model, room)
-        for n in range(asked):
-            _link(which[n] // most, which[n] % most, found)
+        going = asked > 0
     for b in range(count):
         point = 0
         for r in range(found.seen[b]):
@@ -114,9 +117,8 @@ def _explore(
 
 
 @inlined
-def _look(which: Places, patches: Patches, summits: Summits, model: Model, room: Room) -> None:
-    """Climb all of these, then note what is best of each patch."""
-    climb(which, patches, summits, model, room)
+def _note(which: Places, summits: Summits) -> None:
+    """Note what is best of each patch, of these too."""
     for n in range(len(which)):
         b, r = which[n] // summits.place.shape[1], which[n] % summits.place.shape[1]
         summits.best[b] = max(summits.best[b], summits.log_evidence[b, r])

@@ -42,6 +42,24 @@ def test_tables_by_another_process_with_other_hashes(run, tmp_path):
     assert content(tmp_path / "a.zarr.zip") == content(tmp_path / "b.zarr.zip")
 
 
+MAPPED = """import sys, numpy as np
+from psflut.batch import estimate_all
+from psflut.noise import Noise
+from psflut.store import read_table
+patches = np.lib.stride_tricks.sliding_window_view(np.load(sys.argv[1]), (64, 64))[::13, ::13].reshape(-1, 64, 64)
+print(estimate_all(patches, read_table("lab16mm"), Noise(read=0.005)).interval.tobytes().hex())"""
+
+
+@pytest.mark.campaign
+def test_compiled_code_gives_in_its_first_run_what_it_gives_when_kept(lab_patch, tmp_path):
+    np.save(tmp_path / "patch.npy", lab_patch)
+    fresh = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "kept")}
+    words = [sys.executable, "-c", MAPPED, str(tmp_path / "patch.npy")]
+    first, then = (subprocess.run(words, env=fresh, check=True, capture_output=True).stdout for _ in range(2))
+    assert len(first) == 801  # 25 patches
+    assert first == then
+
+
 def test_chains_and_what_is_kept_of_them(lab16mm, lab_patch, tmp_path):
     pytest.importorskip("xarray")
     found = [estimate(Observation(lab_patch), lab16mm, "posterior:steps=60") for _ in range(2)]

@@ -7,8 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft, ndimage, optimize
 
+from calib.aliases import Aliases, Spectrum, images, ramp, samples, spectra
+
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
+
+UNEVEN = 0.03
+"""Share of the PSF's power that is thought not to be round before it is measured."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,7 +25,9 @@ class Fit:
     psf : (W, W) array
         Samples at whole pixels, centred.
     power : (W, W) array
-        Posterior variance of their discrete Fourier transform, zero frequency in the middle.
+        Posterior variance of their discrete Fourier transform about the round mean, zero frequency in the middle.
+    errors : (R, W, W) array
+        What one standard deviation of each independent error of the round mean adds to the samples.
     shift, flux : (N, 2) and (N,) arrays
         Of every window: its centre less the middle pixel, (y, x), and its root of energy.
     residual : (N, W, W) array
@@ -28,6 +35,7 @@ class Fit:
 
     psf: Floats
     power: Floats
+    errors: Floats
     shift: Floats
     flux: Floats
     residual: Floats
@@ -50,7 +58,8 @@ class Fit:
         shape = self.psf.shape
         white = np.sqrt(self.spread) * rng.standard_normal((count, *shape))
         gain = np.sqrt(fft.ifftshift(self.power))[:, : shape[1] // 2 + 1] / shape[0]
-        return np.asarray(self.psf + fft.irfft2(fft.rfft2(white) * gain, shape))
+        about = np.tensordot(rng.standard_normal((count, len(self.errors))), self.errors, 1)
+        return np.asarray(self.psf + about + fft.irfft2(fft.rfft2(white) * gain, shape))
 
     @property
     def variance(self) -> Floats:
@@ -59,12 +68,12 @@ class Fit:
         return np.asarray(self.spread * self.power[np.hypot(line[:, None], line) < 0.25].mean() / self.psf.size)
 
 
-def superresolve(images: Floats, shift: Floats, noise: Floats, oversampling: int, rounds: int) -> Fit:
+def superresolve(pictures: Floats, shift: Floats, noise: Floats, oversampling: int, rounds: int) -> Fit:
     """Fit g_i(x) = a_i p(x - c_i) to all windows at once.
 
     Parameters
     ----------
-    images : (N, W, W) array
+    pictures : (N, W, W) array
         Background subtracted; W odd.
     shift : (N, 2) array
         First guess of c_i; for a finer fit that of a coarse one, which is not led astray by aliases.
@@ -75,107 +84,64 @@ def superresolve(images: Floats, shift: Floats, noise: Floats, oversampling: int
     rounds : int
         Of fitting p and the places in turn.
     """
-    width = images.shape[-1]
-    flux = np.sqrt(np.maximum(np.sum(images**2, axis=(1, 2)) - noise * width**2, noise))
-    spectrum, covariance, shift, flux, residual = _alternate(images, shift, flux, noise, oversampling, rounds)
-    power = covariance.sum(axis=(1, 2)).real.reshape(width, width)
-    psf = _samples(spectrum, width)
+    width = pictures.shape[-1]
+    flux = np.sqrt(np.maximum(np.sum(pictures**2, axis=(1, 2)) - noise * width**2, noise))
+    fit, shift, flux, residual = _alternate(pictures, shift, flux, noise, Aliases(width, oversampling), rounds)
+    psf = samples(fit.found, width)
     scale = np.sqrt(np.sum(psf**2))
-    return Fit(psf / scale, power / scale**2, shift, flux * scale, residual)
+    return Fit(psf / scale, fit.power / scale**2, fit.errors / scale, shift, flux * scale, residual)
 
 
 def _alternate(
-    images: Floats, shift: Floats, flux: Floats, noise: Floats, s: int, rounds: int
-) -> tuple[Complexes, Complexes, Floats, Floats, Floats]:
-    """Spectrum (s W, s W), covariance of its aliases, shifts, fluxes and residuals, fitted in turn."""
-    count, width = images.shape[:2]
-    line = (np.arange(s * width) - s * width // 2) / width  # cycles a pixel
-    ring = np.rint(16 * np.hypot(line[:, None], line)).astype(int).ravel()
-    power = np.outer(np.sinc(line), np.sinc(line)) ** 2 * width + 1e-6
-    spectra, excess = _spectra(images), 1.0
+    pictures: Floats, shift: Floats, flux: Floats, noise: Floats, aliases: Aliases, rounds: int
+) -> tuple[Spectrum, Floats, Floats, Floats]:
+    """Spectrum, shifts, fluxes and residuals, fitted in turn.
+
+    The variance of the prior is the geometric mean of what two fixed points of its likelihood say: expectation
+    maximisation (by itself slow, and then too wide) and that of MacKay (1992; by itself too sure).
+    """
+    count, width = pictures.shape[:2]
+    shown, excess = spectra(pictures), 1.0
+    light = float(np.median(np.abs(shown).max(axis=(1, 2)) / flux))
+    power = (UNEVEN if aliases.oversampling > 1 else 1.0) * light**2 * aliases.pixel**2 + 1e-6
     for _ in range(rounds):
         weight = 1 / (excess * noise * width**2)
-        spectrum, covariance, used = _solve(spectra, shift, flux, weight, power, line)
-        variance = np.einsum("kmm->km", covariance).real
-        aliases = variance.reshape(width, width, s, s).transpose(2, 0, 3, 1).ravel()
-        mean = np.bincount(ring, np.abs(spectrum.ravel()) ** 2 + aliases) / np.maximum(np.bincount(ring), 1)
-        power = mean[ring].reshape(power.shape) + 1e-12 * mean.max()
-        spectrum, shift = _centre(spectrum, shift, line)
-        shift, flux, residual = _places(images, spectrum, shift, flux, line)
-        free = max(1 - (used + 3 * count) / images.size, 1e-3)
+        fit = aliases.fit(shown, shift, flux, weight, power)
+        uneven = aliases.ringed(np.abs(fit.found - fit.round) ** 2)
+        told = aliases.ringed(1 - fit.variance / power)
+        power = np.sqrt((uneven + aliases.ringed(fit.variance)) * uneven / np.maximum(told, 1e-9))
+        power += 1e-12 * power.max()
+        spectrum, shift = _centre(fit.found, shift, aliases.line)
+        shift, flux, residual = _places(pictures, spectrum, shift, flux, aliases.line)
+        free = max(1 - (fit.used + 3 * count) / pictures.size, 1e-3)
         excess = max(float(np.sum(residual**2) / free / (noise.sum() * width**2)), 1.0)
-    return spectrum, covariance, shift, flux, residual
-
-
-def _spectra(images: Floats) -> Complexes:
-    """Fourier transforms of centred windows, zero frequency in the middle."""
-    axes = (-2, -1)
-    return np.asarray(fft.fftshift(fft.fft2(fft.ifftshift(images, axes)), axes))
-
-
-def _samples(spectrum: Complexes, width: int) -> Floats:
-    """A fine spectrum's samples at whole pixels: its aliases add up."""
-    s = len(spectrum) // width
-    return _images(spectrum.reshape(s, width, s, width).sum(axis=(0, 2)))
-
-
-def _images(spectrum: Complexes) -> Floats:
-    """The inverse of `_spectra`, real part."""
-    return np.asarray(fft.fftshift(fft.ifft2(fft.ifftshift(spectrum))).real)
-
-
-def _ramp(line: Floats, shift: Floats) -> Complexes:
-    """What a shift (y, x) in pixels multiplies a spectrum with."""
-    turn = np.exp(-2j * np.pi * np.outer(shift, line))
-    return np.asarray(turn[0][:, None] * turn[1])
-
-
-def _solve(
-    spectra: Complexes, shift: Floats, flux: Floats, weight: Floats, power: Floats, line: Floats
-) -> tuple[Complexes, Complexes, float]:
-    """The regularised fit of all aliases: spectrum, covariance (W^2, s^2, s^2), and freedoms that it used."""
-    width = spectra.shape[-1]
-    s = len(line) // width
-    aliases = np.arange(s) - s // 2
-    turns = np.stack([_ramp(aliases, c).ravel() for c in shift])
-    normal = np.einsum("i,im,in->mn", weight * flux**2, turns.conj(), turns)
-    right = np.zeros(power.shape, complex)
-    for g, c, factor in zip(spectra, shift, weight * flux, strict=True):
-        right += factor * _ramp(line, c).conj() * np.tile(g, (s, s))
-    sides, order = (s, width, s, width), (1, 3, 0, 2)  # from a fine spectrum to frequency and alias
-    prior = power.reshape(sides).transpose(order).reshape(-1, s * s)
-    covariance = np.linalg.inv(normal + np.eye(s * s) / prior[:, None, :])
-    found = np.einsum("kmn,kn->km", covariance, right.reshape(sides).transpose(order).reshape(-1, s * s)).reshape(
-        width, width, s, s
-    )
-    used = float(np.einsum("kmn,nm->", covariance, normal).real)
-    return found.transpose(2, 0, 3, 1).reshape(power.shape), covariance, used
+    return fit._replace(found=spectrum), shift, flux, residual
 
 
 def _centre(spectrum: Complexes, shift: Floats, line: Floats) -> tuple[Complexes, Floats]:
     """The spectrum with its centre of mirror symmetry, where p * p is largest, moved to 0."""
-    mirror = _images(spectrum**2)
+    mirror = images(spectrum**2)
     y, x = np.unravel_index(np.argmax(mirror), mirror.shape)
     y, x = np.clip([y, x], 1, len(line) - 2)
     cross = np.stack([mirror[y - 1 : y + 2, x], mirror[y, x - 1 : x + 2]])
     bend = np.minimum(cross[:, 0] - 2 * cross[:, 1] + cross[:, 2], -1e-300)
     fine = np.array([y, x]) - len(line) // 2 + 0.5 * (cross[:, 0] - cross[:, 2]) / bend
     centre = 0.5 * fine / (len(line) * (line[1] - line[0]))
-    return spectrum * _ramp(line, -centre), shift + centre
+    return spectrum * ramp(line, -centre), shift + centre
 
 
 def _places(
-    images: Floats, spectrum: Complexes, shift: Floats, flux: Floats, line: Floats
+    pictures: Floats, spectrum: Complexes, shift: Floats, flux: Floats, line: Floats
 ) -> tuple[Floats, Floats, Floats]:
     """One Gauss-Newton step of every shift and flux, and the residuals before it; the energy of p is made 1."""
-    width = images.shape[-1]
-    scale = np.sqrt(np.sum(_samples(spectrum, width) ** 2))
+    width = pictures.shape[-1]
+    scale = np.sqrt(np.sum(samples(spectrum, width) ** 2))
     slopes = (1.0, -2j * np.pi * line[:, None], -2j * np.pi * line)
-    shift, flux, residual = shift.copy(), flux * scale, np.empty_like(images)
-    for i, image in enumerate(images):
-        moved = spectrum / scale * _ramp(line, shift[i])
-        value, *slope = (_samples(moved * factor, width).ravel() for factor in slopes)
-        residual[i] = image - flux[i] * value.reshape(image.shape)
+    shift, flux, residual = shift.copy(), flux * scale, np.empty_like(pictures)
+    for i, picture in enumerate(pictures):
+        moved = spectrum / scale * ramp(line, shift[i])
+        value, *slope = (samples(moved * factor, width).ravel() for factor in slopes)
+        residual[i] = picture - flux[i] * value.reshape(picture.shape)
         step = np.linalg.lstsq(np.stack([value, *(flux[i] * d for d in slope)], 1), residual[i].ravel())[0]
         flux[i] += step[0]
         shift[i] += np.clip(step[1:], -0.5, 0.5)

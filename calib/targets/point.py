@@ -77,8 +77,8 @@ class Point(Target):
     pinhole: float = 0.0
     least_snr: float = 20.0
     separation: float = 1.0
-    oversampling: int = 3
-    rounds: int = 15
+    oversampling: int = 5
+    rounds: int = 20
 
     def __post_init__(self) -> None:
         if not (self.pinhole >= 0 and self.least_snr > 0 and self.separation > 0):

@@ -26,21 +26,18 @@ from psflut.photographs import shipped
 
 pytestmark = pytest.mark.benchmark
 SHOTS, FRESH = 2, 40
+DRAWS = (7, 21, 22, 23)
+"""Seeds of frames: a table's errors hang together, those of one alone are 0.9 to 1.3 times the stated ones."""
 SCENES = (1.03, 1.21, 1.37, 1.58, 1.79, 2.05, 2.47, 2.9)
 PHOTOGRAPHS = ("astronaut", "brick", "camera", "grass", "gravel")
 """At each of these distances: 8 captures of one alone gave ratios from 0.80 to 1.28 for tables that are as good."""
-SHARP = "pattern by a sharp frame"
-"""Keeps its first two promises and reads like the true table, but errors of its table are 1.05 to 1.4 of those stated
-(two draws): near focus a pixel's PSF owes to frequencies that the reference does not show (`Pattern`)."""
-
-
 L1_BAR = {"point": 0.05, "edge": 0.08, "pattern": 0.08}
 
 
 class Row(NamedTuple):
     """Of a target: mean summed |error| of measured PSFs and of the table's, errors of lit pixels over the standard
-    errors stated (of both, root mean square), error of wiener over that with the true table, and the error that check
-    expects over that of fresh frames (medians); and these two in % of the distance."""
+    errors stated (of both), all over `DRAWS`; and of the first draw the error of wiener over that with the true
+    table, and the error that check expects over that of fresh frames (medians); and these two in % of the distance."""
 
     measured: float
     table: float
@@ -52,6 +49,10 @@ class Row(NamedTuple):
     true: float
 
 
+TRUE = np.stack([truth(float(z)) for z in DISTANCES])
+LIT = np.greater(TRUE, 0.05 * TRUE.max(axis=(1, 2), keepdims=True))
+
+
 def test_every_target_has_its_frames():
     assert {name.split()[0] for name in FRAMES} == set(family.names("calib.targets"))
 
@@ -59,24 +60,24 @@ def test_every_target_has_its_frames():
 @pytest.fixture(scope="module", params=FRAMES)
 def result(request, tmp_path_factory):
     factory, frame = FRAMES[request.param]
-    target, rng = factory(tmp_path_factory.mktemp("frames")), np.random.default_rng(7)
+    target = factory(tmp_path_factory.mktemp("frames"))
 
-    def measure(z):
+    def measure(z, rng):
         return target.measure([frame(float(z), rng) for _ in range(SHOTS)], SIZE, Plain())
 
-    measured = [measure(z) for z in DISTANCES]
-    table = Assessment().of(table_of(DISTANCES, "distance", measured, LENS.pixel_pitch), measured)
-    true = np.stack([truth(float(z)) for z in DISTANCES])
+    rngs = [np.random.default_rng(seed) for seed in DRAWS]
+    measured = [[measure(z, rng) for z in DISTANCES] for rng in rngs]
+    tables = [Assessment().of(table_of(DISTANCES, "distance", each, LENS.pixel_pitch), each) for each in measured]
     fresh = 1 / np.random.default_rng(8).uniform(1 / DISTANCES[-1], 1 / DISTANCES[0], FRESH)
-    errors = np.array([nearest(table, measure(z).psf) / z - 1 for z in fresh])
-    lit = true > 0.05 * true.max(axis=(1, 2), keepdims=True)
-    expected = table.check["position_error_of_distance"]
+    errors = np.array([nearest(tables[0], measure(z, rngs[0]).psf) / z - 1 for z in fresh])
+    alone = [(np.stack([one.psf for one in each]), np.stack([one.std for one in each])) for each in measured]
+    expected = tables[0].check["position_error_of_distance"]
     row = Row(
-        float(np.mean([np.abs(one.psf - psf).sum() for one, psf in zip(measured, true, strict=True)])),
-        float(np.abs(table.psf - true).sum(axis=(1, 2)).mean()),
-        honesty(np.stack([one.psf for one in measured]), np.stack([one.std for one in measured]), true, lit),
-        honesty(table.psf, table.psf_std, true, lit),
-        wiener(table, true),
+        wrong([psf for psf, _ in alone]),
+        wrong([each.psf for each in tables]),
+        honesty(alone),
+        honesty([(each.psf, each.psf_std) for each in tables]),
+        wiener(tables[0], TRUE),
         expected / float(np.median(np.abs(errors))),
         100 * expected,
         100 * float(np.median(np.abs(errors))),
@@ -85,9 +86,21 @@ def result(request, tmp_path_factory):
     return request.param, row
 
 
-def honesty(found, std, true, lit):
-    """Root of the error's energy over the energy stated, over lit pixels."""
-    return float(np.sqrt(np.sum((found - true)[lit] ** 2) / np.sum(std[lit] ** 2)))
+def wrong(found):
+    """Mean summed |error| of PSFs (draws, N, K, K)."""
+    return float(np.abs(found - TRUE).sum(axis=(2, 3)).mean())
+
+
+def honesty(found):
+    """Root of the error's energy over the energy stated, over lit pixels; of planes and draws the root mean square.
+
+    So every plane counts alike: with energies added up over planes the last one, 0.6 pixels of blur, would speak for
+    all, as most of what is stated is stated there.
+    """
+    ratios = [np.sum((f - TRUE) ** 2 * LIT, axis=(1, 2)) / np.sum(s**2 * LIT, axis=(1, 2)) for f, s in found]
+    print("\n  errors over stated, by plane:", np.round(np.sqrt(np.mean(ratios, axis=0)), 2), end="")
+    print("\n  by draw:", np.round(np.sqrt(np.mean(ratios, axis=1)), 2))
+    return float(np.sqrt(np.mean(ratios)))
 
 
 def wiener(table, planes):
@@ -108,24 +121,17 @@ def test_psfs_are_measured(result):
     assert row.table < L1_BAR[name.split()[0]]
 
 
-def hold(result, value, bar):
-    """Whether a ratio is 1 within a factor; of a sharp frame it is known not to be."""
-    if result[0] == SHARP and not 1 / bar < value < bar:
-        pytest.xfail(f"{value:.2f} by a sharp frame, within {bar} by the printed page")
-    assert 1 / bar < value < bar
-
-
 def test_standard_errors_are_honest(result):
     assert 1 / 1.3 < result[1].measured_honesty < 1.3
 
 
 def test_standard_errors_of_the_table_are_honest(result):
-    hold(result, result[1].table_honesty, 1.3)
+    assert 1 / 1.3 < result[1].table_honesty < 1.3
 
 
 def test_the_measured_table_reads_like_the_true_one(result):
-    hold(result, max(result[1].wiener, 1.0), 1.2)
+    assert result[1].wiener < 1.2
 
 
 def test_the_error_that_check_expects_is_the_true_one(result):
-    hold(result, result[1].check, 1.5)
+    assert 1 / 1.5 < result[1].check < 1.5

@@ -112,15 +112,17 @@ def smooth(even: Floats, measurements: Sequence[Measurement], guess: Guess | Non
     sigma = np.sqrt(np.mean(stated**2, axis=(1, 2)))
     ring = rings(measured.shape[1])
     matrices, masks = _smoothers(even, sigma), [ring == radius for radius in range(ring.max() + 1)]
-    errors = [np.sqrt(np.mean(stated[:, each] ** 2, axis=1)) for each in masks]
+    unseen = np.stack([np.zeros_like(each.std) if each.hidden is None else each.hidden for each in measurements])
+    errors, shared = ([np.sqrt(np.mean(part[:, each] ** 2, axis=1)) for each in masks] for part in (stated, unseen))
     misfits = [
         np.mean(np.sum(((measured[:, each] - matrices @ measured[:, each]) / pull[:, None]) ** 2, axis=1), axis=1)
         for each, pull in zip(masks, np.maximum(errors, LEAST_ERROR * sigma), strict=True)
     ]
     psf, variance = np.empty_like(measured), np.empty_like(measured)
-    for each, error, best in zip(masks, errors, matrices[_strengths(np.array(misfits), matrices, sigma)], strict=True):
+    chosen = matrices[_strengths(np.array(misfits), matrices, sigma)]
+    for each, error, alike, best in zip(masks, errors, shared, chosen, strict=True):
         psf[:, each] = best @ measured[:, each]
-        variance[:, each] = (best**2 @ error**2)[:, None]
+        variance[:, each] = (best**2 @ np.maximum(error**2 - alike**2, 0.0) + (best @ alike) ** 2)[:, None]
         if unsure is not None:
             variance[:, each] += np.sum((unsure[:, :, each] - best @ unsure[:, :, each]) ** 2, axis=0)
     return _lit(psf + mean, np.sqrt(variance))

@@ -20,8 +20,9 @@ def guess_of(lens: Lens, even: Floats, psf: Floats, std: Floats) -> Guess:
     counts as well.
 
     Tables at 20 distances, 0.95 to 4.5 m, smoothed by the spline alone and about the lens, mean summed error: points
-    0.0270 and 0.0159, edges 0.0361 and 0.0283 (another draw 0.038 and 0.031), a pattern by a sharp frame 0.053 and
-    0.027 (0.055 and 0.018). Errors over those stated, four draws together (every plane's error with a random sign):
+    0.0119 and 0.0058 (three draws), edges 0.0392 and 0.0310 (three draws), a pattern by a sharp frame 0.053 and 0.027
+    (another draw 0.055 and 0.018). Errors over those stated, four draws together (every plane's error with a random
+    sign), before the points' fits knew a round mean and smoothing knew what targets hide:
 
     | errors of the lens | points | edges | edges | sharp frame | sharp frame |
     |---|---|---|---|---|---|

@@ -63,11 +63,14 @@ class Planes:
         def make() -> Arrays:
             found = target.measure(shots, size, imager)
             rejected = np.array(found.rejected, dtype=str)
-            return {"psf": found.psf, "std": found.std, "used": np.array(found.used), "rejected": rejected}
+            hidden = np.empty((0, 0)) if found.hidden is None else found.hidden
+            arrays = {"psf": found.psf, "std": found.std, "hidden": hidden}
+            return {**arrays, "used": np.array(found.used), "rejected": rejected}
 
         kept = self.get([target, *files, size, imager, *seen], make)
         rejected = tuple(str(reason) for reason in kept["rejected"])
-        return Measurement(kept["psf"], kept["std"], int(kept["used"]), rejected)
+        hidden = kept["hidden"] if kept["hidden"].size else None
+        return Measurement(kept["psf"], kept["std"], int(kept["used"]), rejected, hidden)
 
 
 @contextmanager

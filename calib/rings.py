@@ -101,7 +101,7 @@ class Rings:
 
 def smooth_fit(
     design: Floats, data: Floats, bend: Floats, nuisances: int, block: NDArray[np.int_]
-) -> tuple[Floats, Floats]:
+) -> tuple[Floats, Floats, Floats]:
     """Non-negative coefficients a with data = design @ a + white noise, and draws of them given the data.
 
     They minimise |data - design a|^2 + weight |bend a|^2, which is to say that bend a is normally distributed.
@@ -110,7 +110,8 @@ def smooth_fit(
     with all of them, edges of a real print, of 1 to 1.5 pixels' blur, were fitted by coefficients of alternating
     sign, whose non-negative part had nothing to do with the PSF. A draw is the non-negative vector that is nearest,
     in that sum of squares, to a draw without the bound (J. M. Everink et al., SIAM/ASA J. Uncertain. Quantif.
-    11, 2023); it holds what the smoothing hides as well as the noise.
+    11, 2023); it holds what the smoothing hides as well as the noise. Other draws hold the former alone: of the
+    posterior covariance V, the noise makes V X'X V / variance and the rest is hidden.
 
     The noise need not be white within a block of samples: the data count as fewer, and their variance as larger, by
     what the blocks' own pulls on the coefficients scatter beyond white noise. That is 2 to 4 times on compressed
@@ -132,7 +133,8 @@ def smooth_fit(
 
     Returns
     -------
-    (m,) and (DRAWS, m) arrays
+    (m,), (DRAWS, m) and (DRAWS, m) arrays
+        The last are the draws of what is hidden.
     """
     gram, target, power, bends = design.T @ design, design.T @ data, float(data @ data), bend.T @ bend
     freedom, active, excess = len(data) - nuisances, np.ones(len(gram), bool), 1.0
@@ -146,8 +148,12 @@ def smooth_fit(
         excess = max(1.0, _alike(design, data - design @ coefficients, block, root) / variance)
     variance *= excess
     middle = linalg.solve_triangular(root, target, trans="T")
-    noise = np.sqrt(variance) * np.random.default_rng(0).standard_normal((DRAWS, len(gram)))
-    return coefficients, np.array([optimize.nnls(root, middle + each)[0] for each in noise])
+    seen = linalg.solve_triangular(root, linalg.solve_triangular(root, gram, trans="T").T, trans="T")
+    shares, ways = linalg.eigh(seen)
+    whole = np.sqrt(variance) * np.random.default_rng(0).standard_normal((DRAWS, len(gram)))
+    hidden = whole @ (ways * np.sqrt(np.clip(1.0 - shares, 0.0, 1.0))) @ ways.T
+    draws, unseen = (np.array([optimize.nnls(root, middle + each)[0] for each in part]) for part in (whole, hidden))
+    return coefficients, draws, unseen
 
 
 def _alike(design: Floats, left: Floats, block: NDArray[np.int_], root: Floats) -> float:

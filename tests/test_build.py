@@ -61,6 +61,24 @@ def test_errors_that_a_ring_shares_are_smoothed_and_told_as_well():
     assert np.sqrt(np.mean(np.square(scaled))) < 1.3  # 1.5 if each ring's least risk decides
 
 
+@pytest.mark.parametrize("told", [True, False])
+def test_what_a_target_hides_at_every_position_is_not_averaged_away(told):
+    """An error that positions share, 1.5 times the noise; unless it is told, it is taken for smaller than it is."""
+    scaled = []
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        even, truth, measured = course(20, 0.02, rng)
+        noise = measured[0].std.mean()
+        fixed = 1.5 * noise * rng.standard_normal(truth.shape[1:])
+        parts = [(one.psf + fixed, np.hypot(one.std, 1.5 * noise)) for one in measured]
+        hidden = np.full(truth.shape[1:], 1.5 * noise) if told else None
+        found = smooth(even, [Measurement(psf, std, 1, hidden=hidden) for psf, std in parts])
+        lit = truth > 0.05 * truth.max(axis=(1, 2), keepdims=True)
+        scaled.append(((found.psf - truth) / found.std)[lit])
+    honest = np.sqrt(np.mean(np.square(np.concatenate(scaled))))
+    assert 1 / 1.3 < honest < 1.3 if told else honest > 1.4
+
+
 def test_few_positions_are_left_as_they_are(rng):
     even, _, measured = course(4, 1e-9, rng)
     found = smooth(even, measured)

@@ -47,12 +47,16 @@ class Measurement:
         Points, edges or pictures that went into it.
     rejected : tuple of str
         Why others did not.
+    hidden : (K, K) array or None
+        What of the standard error is no noise: what the target's own smoothness hides, which positions beside each
+        other share. None: nothing of it.
     """
 
     psf: Floats
     std: Floats
     used: int
     rejected: tuple[str, ...] = ()
+    hidden: Floats | None = None
 
 
 class Target(ABC):

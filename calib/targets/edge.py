@@ -32,9 +32,10 @@ class Edge(Search, Target):
     Assumed: a rotationally symmetric PSF, the same along an edge; no light beyond 3 sigma + 2 pixels of the
     spread, sigma being that of the normal distribution nearest to it; white noise; even light on either side.
     An edge exactly along a row has one phase of sampling only, and leaves more of the PSF to the smoothness.
-    PSF and standard error are mean and scatter of draws that are not negative either. Errors were 1.0 to 1.3 times
-    the stated ones where blur is wider than 2 pixels in radius, and 0.4 to 2.3 times nearer to focus, where a_j >= 0
-    and the smoothness decide.
+    PSF and standard error are mean and scatter of draws that are not negative either. Errors were 1.0 to 1.4 times
+    the stated ones where blur is wider than 2 pixels in radius, and 0.7 to 1.5 times nearer to focus, where a_j >= 0
+    and the smoothness decide. Half of an error is what the smoothness hides, the same at neighbouring distances: a
+    table that averaged it away stated errors too small by 1.2 to 1.7.
 
     Its settings say what counts as an edge: see `psflut.edges.Search`.
     """
@@ -49,12 +50,12 @@ class Edge(Search, Target):
         if not edges:
             why = "; ".join(rejected[:3]) or "no straight edge found"
             raise PsflutError(f"no edge can be used at {format_length(shots[0].position)}: {why}; look at the frames")
-        psf, std = _solve(edges, size, imager.kernel())
-        return Measurement(psf, std, len(edges), tuple(rejected))
+        psf, std, hidden = _solve(edges, size, imager.kernel())
+        return Measurement(psf, std, len(edges), tuple(rejected), hidden)
 
 
-def _solve(edges: Sequence[Sampled], size: int, kernel: Floats) -> tuple[Floats, Floats]:
-    """The PSF and its standard error, (size, size), from all edges together."""
+def _solve(edges: Sequence[Sampled], size: int, kernel: Floats) -> tuple[Floats, Floats, Floats]:
+    """The PSF, its standard error and what of that smoothness hides, (size, size), from all edges together."""
     reach = max(edge.reach for edge in edges)
     width = float(np.clip(reach / 32.0, 0.15, 0.5))
     rings = Rings(int(reach / width), width)
@@ -67,11 +68,11 @@ def _solve(edges: Sequence[Sampled], size: int, kernel: Floats) -> tuple[Floats,
             _lit(edge, shown, shown @ heights / (rings.mass @ heights)) for edge, shown in zip(edges, seen, strict=True)
         ]
         design, data = (np.concatenate(part) for part in zip(*parts, strict=True))
-        heights, draws = smooth_fit(design, data, rings.bend, nuisances, _blocks(edges))
+        heights, draws, hidden = smooth_fit(design, data, rings.bend, nuisances, _blocks(edges))
     planes = rings.planes(size)
-    drawn = np.einsum("yxi,ni->nyx", planes, draws, optimize=True)
-    drawn /= drawn.sum(axis=(1, 2), keepdims=True)
-    return drawn.mean(axis=0), drawn.std(axis=0)
+    drawn, unseen = (np.einsum("yxi,ni->nyx", planes, each, optimize=True) for each in (draws, hidden))
+    drawn, unseen = (each / each.sum(axis=(1, 2), keepdims=True) for each in (drawn, unseen))
+    return drawn.mean(axis=0), drawn.std(axis=0), unseen.std(axis=0)
 
 
 def _lit(edge: Sampled, seen: Floats, shape: Floats) -> tuple[Floats, Floats]:

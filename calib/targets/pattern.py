@@ -73,7 +73,7 @@ class Pattern(Target):
     from the scatter over blocks of 8 to 64 pixels, with both frames of a distance in one block (0.7 to 1.0 times those
     stated); errors of the smoothness' weight (no change). For what is left to err is what a pixel's PSF owes to
     frequencies that the reference does not show, 0.7 to 1.2 cycles a pixel. So near focus take the page. Over the 20
-    distances errors are 0.9 times the stated ones, and those of the table 1.0 times, but 2 times at the last plane. (What
+    distances errors are 0.9 times the stated ones, and those of the table 1.0 times, 2 times at the last plane. (What
     the smoothness hides is not alike at neighbouring distances here: counted so, it made them 0.55.)
 
     Parameters

@@ -65,7 +65,8 @@ class Fit:
     def variance(self) -> Floats:
         """Of a sample (W, W), as the noise of coarse structures has it: below a quarter cycle a pixel."""
         line = (np.arange(len(self.psf)) - len(self.psf) // 2) / len(self.psf)
-        return np.asarray(self.spread * self.power[np.hypot(line[:, None], line) < 0.25].mean() / self.psf.size)
+        noise = self.spread * self.power[np.hypot(line[:, None], line) < 0.25].mean() / self.psf.size
+        return np.asarray(noise + np.sum(self.errors**2, axis=0))
 
 
 def superresolve(pictures: Floats, shift: Floats, noise: Floats, oversampling: int, rounds: int) -> Fit:

@@ -21,7 +21,7 @@ from psflut.density import Density
 from psflut.gross import with_gross_errors
 from psflut.imagers.plain import Plain
 from psflut.noise import Noise
-from psflut.spectrum import annular_power, annuli
+from psflut.spectrum import annuli
 from psflut.table import PSFTable
 from psflut.texture import EVERY, TexturePrior
 
@@ -52,6 +52,7 @@ def learn_gross(
     table: PSFTable,
     rng: np.random.Generator,
     progress: Callable[[int], object] = lambda photographs: None,
+    sectors: int = 1,
 ) -> tuple[Usual, float]:
     """The usual misfit by number of annuli, and the share of gross errors with which intervals cover what they say.
 
@@ -66,16 +67,19 @@ def learn_gross(
         span: blur tells least of far ones, which even steps of vergence would make few.
     progress : callable
         Hears of every photograph done.
+    sectors : int
+        Into which annuli are cut.
     """
     trials = [_captures(image, table, rng) for image in images]
 
     def solved(side: int, usual: Usual) -> list[tuple[Solution, float]]:
         out: list[tuple[Solution, float]] = []
-        base, cut = evidence.bank(table, (side, side), Plain(), priors[0], CANDIDATES), (max(SIDES) - side) // 2
+        base = evidence.bank(table, (side, side), Plain(), priors[0], CANDIDATES, sectors)
+        cut = (max(SIDES) - side) // 2
         noise = np.tile(evidence.noise_power(base, NOISE, 0.0), (DISTANCES, 1))
         for prior, trial in zip(priors, trials, strict=True):
-            bank = base.under(replace(prior, misfit=usual), annuli((side, side)))
-            powers = annular_power(trial.patches[:, cut : cut + side, cut : cut + side])
+            bank = base.under(replace(prior.over(sectors), misfit=usual))
+            powers = base.rings.power(trial.patches[:, cut : cut + side, cut : cut + side])
             out += zip(solve_all(powers, noise, bank), trial.distance, strict=True)
             progress(1)
         return out
@@ -83,7 +87,7 @@ def learn_gross(
     misfit: list[tuple[int, float]] = []
     for side in SIDES:
         seen = np.quantile([found.misfit for found, _ in solved(side, EVERY)], USUAL)
-        misfit.append((len(annuli((side, side)).frequency), float(seen)))
+        misfit.append((len(annuli((side, side), sectors).frequency), float(seen)))
     found = [each for side in SIDES for each in solved(side, misfit)]
     exact = [(Density(each.even, each.fit.log_evidence, table.position), z) for each, z in found]
     covers = [np.mean([_covers(with_gross_errors(density, share), z) for density, z in exact]) for share in SHARES]

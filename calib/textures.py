@@ -12,6 +12,7 @@ import hashlib
 import json
 import sys
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -23,9 +24,9 @@ from calib.gross import ROUNDS, learn_gross
 from psflut.errors import PsflutError
 from psflut.files import staged
 from psflut.images import read_image
-from psflut.spectrum import annular_power, annuli
+from psflut.spectrum import annuli
 from psflut.store import read_table
-from psflut.texture import EVERY, TexturePrior, basis
+from psflut.texture import EVERY, SECTORS, TexturePrior, around, basis, turning
 
 Floats = NDArray[np.float64]
 
@@ -38,6 +39,11 @@ theirs: after 200 rounds the mean there is e^3 times what patches of 256 pixels 
 
 FREE_CONTRAST = 3.0
 """Standard deviation of the prior on theta_0, in nats: a factor of 20 in power either way."""
+
+
+TURNS = 5
+"""Terms of what differs with direction. With 10, 7, 5 and 3 errors are alike on 288 captures through an astigmatic lens
+(128 pixels: 0.33, 0.32, 0.31, 0.32 % up to 2.5 m, 0.45, 0.47, 0.46, 0.53 in the middle); roughness takes the rest."""
 
 
 class Spectra(NamedTuple):
@@ -61,19 +67,20 @@ def shrink(image: Floats) -> Floats:
     return np.asarray(image[:height, :width].reshape(height // 2, 2, width // 2, 2).mean(axis=(1, 3)))
 
 
-def spectra(images: Sequence[Floats], size: int, terms: int) -> Spectra:
+def spectra(images: Sequence[Floats], size: int, terms: int, sectors: int = 1) -> Spectra:
     """Half-overlapping square patches of that side (pixels) of sharp images; flat ones are left out."""
-    rings = annuli((size, size))
+    rings = annuli((size, size), sectors)
     powers, numbers = [], []
     for number, image in enumerate(images):
         for y in range(0, image.shape[0] - size + 1, size // 2):
             for x in range(0, image.shape[1] - size + 1, size // 2):
-                power = annular_power(image[y : y + size, x : x + size])
+                power = rings.power(image[y : y + size, x : x + size])
                 if power.min() > 1e-9:  # saturated or blank
                     powers.append(power)
                     numbers.append(number)
     bias = digamma(rings.effective) - np.log(rings.effective)
     matrix, variance = basis(rings.frequency, terms), polygamma(1, rings.effective)
+    matrix = matrix if sectors == 1 else around(matrix, rings.direction, TURNS)
     return Spectra(np.log(np.array(powers)) - bias, matrix, variance, np.array(numbers))
 
 
@@ -109,11 +116,27 @@ def free_contrast(covariance: Floats) -> Floats:
     return free
 
 
-def learn(groups: Sequence[Spectra], progress: Callable[[int], object] = lambda photographs: None) -> TexturePrior:
-    """The prior on spectra; how far patches are from it is for `calib.gross` to learn."""
+def learn(
+    groups: Sequence[Spectra], cut: Sequence[Spectra], progress: Callable[[int], object] = lambda photographs: None
+) -> TexturePrior:
+    """The prior on spectra, of whole annuli and of annuli that are cut into sectors; how far patches are from it is for
+    `calib.gross` to learn."""
     mean, covariance, roughness = fit(groups)
+    prior = TexturePrior(mean, free_contrast(covariance), roughness, misfit=EVERY, gross=0.0)
+    mean, covariance, roughness = fit(cut)
+    second, terms = covariance + np.outer(mean, mean), len(prior.mean)
+    alpha, beta, four = (second[at : at + TURNS, at : at + TURNS] for at in terms + TURNS * np.arange(3))
+    two = 0.5 * (alpha + beta)
     progress(1)
-    return TexturePrior(mean, free_contrast(covariance), roughness, misfit=EVERY, gross=0.0)
+    return replace(prior, turned=turning(prior, two, four, roughness))
+
+
+def _learn_without(
+    photograph: int, groups: Sequence[Spectra], cut: Sequence[Spectra], progress: Callable[[int], object]
+) -> TexturePrior:
+    """The prior of all other photographs."""
+    kept, kept_cut = ([group.without(photograph) for group in each] for each in (groups, cut))
+    return learn(kept, kept_cut, progress)
 
 
 def main() -> None:
@@ -132,18 +155,29 @@ def main() -> None:
         if not photographs:
             raise PsflutError(f"no PNG photographs in {arguments.folder}; check the folder")
         images = [shrink(read_image(path, srgb=True).image) for path in photographs]
-        groups = [spectra(images, size, arguments.terms) for size in SIZES]
+        groups, cut = ([spectra(images, size, arguments.terms, n) for size in SIZES] for n in (1, SECTORS))
         rng = np.random.default_rng(arguments.seed)
-        with tqdm(total=len(images) * (1 + ROUNDS), unit="photograph", disable=None) as bar:
-            others = [learn([group.without(k) for group in groups], bar.update) for k in range(len(images))]
-            misfit, gross = learn_gross(others, images, read_table(arguments.table), rng, bar.update)
-        prior = learn(groups)
+        with tqdm(total=len(images) * (1 + 2 * ROUNDS), unit="photograph", disable=None) as bar:
+            others = [_learn_without(k, groups, cut, bar.update) for k in range(len(images))]
+            table = read_table(arguments.table)
+            misfit, gross = learn_gross(others, images, table, rng, bar.update)
+            by_sector = learn_gross(others, images, table, rng, bar.update, SECTORS)
+        prior = learn(groups, cut)
+        terms, turned = len(prior.mean), prior.over(SECTORS)
+        two, four = (turned.covariance[at : at + TURNS, at : at + TURNS] for at in (terms, terms + 2 * TURNS))
         numbers = {
             "mean": prior.mean.tolist(),
             "covariance": prior.covariance.tolist(),
             "roughness": prior.roughness,
             "misfit": misfit,
             "gross": gross,
+            "sectors": {
+                "two": two.tolist(),
+                "four": four.tolist(),
+                "roughness": turned.roughness,
+                "misfit": by_sector[0],
+                "gross": by_sector[1],
+            },
             "provenance": {
                 "patches": sum(len(group.log_power) for group in groups),
                 "folder": arguments.folder.name,

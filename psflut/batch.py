@@ -20,7 +20,6 @@ from psflut.gross import mixed
 from psflut.laplace import fine_model
 from psflut.noise import Noise
 from psflut.problem import Observation, Problem, is_flat, is_saturated, mean_level
-from psflut.spectrum import annular_power
 from psflut.spread import along, spread
 from psflut.table import PSFTable
 from psflut.tabulated import FINE, cumulated, modes, quantiles, tabulate, widened
@@ -129,8 +128,9 @@ class _Shared:
         """The estimates of a few patches, all at once in every step."""
         one, count = self.problem, len(patches)
         images = np.asarray(patches, dtype=np.float64)
-        power, level = annular_power(images), mean_level(images, one.imager)
-        seen = ~is_flat(power, one.noise, level, one.imager, one.shape)
+        rings = self.bank.rings
+        power, level = rings.power(images), mean_level(images, one.imager)
+        seen = ~is_flat(rings.whole(power), one.noise, level, one.imager, one.shape)
         saturated = is_saturated(images)
 
         blank = prior_density(one.table)
@@ -167,7 +167,7 @@ class _Shared:
         sd = np.empty_like(sharp)
         for number, own in enumerate(noise):
             even, fit, bank, _ = solution(found, number, self.bank)
-            sd[number] = spread(table, self.problem.shape, bank, own, even, fit.log_evidence, fit.theta)(nodes)
+            sd[number] = spread(table, bank, own, even, fit.log_evidence, fit.theta)(nodes)
         return widened(sharp, sd / (nodes[1] - nodes[0]))
 
     def _read(self, densities: Floats) -> tuple[Floats, Floats, list[Outcome]]:

@@ -63,6 +63,11 @@ def frequency(grid: tuple[int, int]) -> NDArray[np.float64]:
     return np.asarray(np.hypot(fft.fftfreq(grid[0])[:, None], fft.rfftfreq(grid[1])))
 
 
+def direction(grid: tuple[int, int]) -> NDArray[np.float64]:
+    """(H, W // 2 + 1) direction of each frequency from zero, radians from x (across) towards y (down)."""
+    return np.asarray(np.arctan2(fft.fftfreq(grid[0])[:, None], fft.rfftfreq(grid[1])))
+
+
 def slopes(grid: tuple[int, int]) -> NDArray[np.complexfloating]:
     """(2, H, W // 2 + 1) derivatives of a shifted image by its shift, down and across, at each frequency."""
     height, width = grid

@@ -6,14 +6,13 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from psflut import evidence, fourier, restore, texture
+from psflut import evidence, fourier, restore, roundness, texture
 from psflut.candidates import solve
 from psflut.density import Density
 from psflut.estimation import Problem
 from psflut.gross import with_gross_errors
 from psflut.imagers import Imager
 from psflut.laplace import Fit, curvature_at
-from psflut.spectrum import annuli
 from psflut.spread import Spread, spread
 from psflut.table import PSFTable
 
@@ -63,15 +62,16 @@ class Grid:
         return np.asarray(self.fit.theta[np.argmin(np.abs(self.even - even))])
 
 
-def grid(problem: Problem, candidates: int) -> Grid:
+def grid(problem: Problem, candidates: int, sectors: int = 0) -> Grid:
     """The grid posterior of a problem; equal posteriors come from equal settings, whoever asks."""
-    bank = cached_bank(problem.table, problem.shape, problem.imager, candidates)
+    bank = cached_bank(problem.table, problem.shape, problem.imager, candidates, sectors)
     noise = evidence.noise_power(bank, problem.noise, problem.mean_level)
-    found = solve(problem.power, noise, bank)
-    width = spread(problem.table, problem.shape, found.bank, noise, found.even, found.fit.log_evidence, found.fit.theta)
+    power = problem.powers(bank.rings)
+    found = solve(power, noise, bank)
+    width = spread(problem.table, found.bank, noise, found.even, found.fit.log_evidence, found.fit.theta)
     exact = Density(found.even, found.fit.log_evidence, problem.table.position)
     density = with_gross_errors(exact, bank.prior.gross).widened(width)
-    return Grid(found.bank, found.even, problem.power, noise, found.fit, exact, width, density, found.misfit)
+    return Grid(found.bank, found.even, power, noise, found.fit, exact, width, density, found.misfit)
 
 
 def restored(problem: Problem, found: Grid, distance: float) -> Floats:
@@ -83,8 +83,9 @@ def restored(problem: Problem, found: Grid, distance: float) -> Floats:
     theta = found.scene_at(float(problem.table.even(distance)))
     shape = fourier.padded_shape(problem.shape, problem.table.size)
     # Below the patch's own annuli theta says nothing: polynomials run off to any height there.
-    frequency = np.maximum(fourier.frequency(shape), annuli(problem.shape).frequency[0])
-    scene = np.exp(texture.basis(frequency.ravel(), len(theta)) @ theta).reshape(frequency.shape)
+    frequency = np.maximum(fourier.frequency(shape), found.bank.rings.frequency[0])
+    basis = found.bank.prior.basis(frequency.ravel(), fourier.direction(shape).ravel())
+    scene = np.exp(basis @ theta).reshape(frequency.shape)
     response = problem.imager.transfer(shape) ** 2
     noise = problem.noise.power(response, problem.mean_level)
     ratio = noise / np.maximum(scene * response, 1e-12 * noise)
@@ -92,6 +93,7 @@ def restored(problem: Problem, found: Grid, distance: float) -> Floats:
 
 
 @lru_cache(maxsize=8)
-def cached_bank(table: PSFTable, shape: tuple[int, int], imager: Imager, count: int) -> evidence.Bank:
-    """The bank of a table with the shipped texture prior, kept for the next patch of that shape."""
-    return evidence.bank(table, shape, imager, texture.learnt(), count)
+def cached_bank(table: PSFTable, shape: tuple[int, int], imager: Imager, count: int, sectors: int = 0) -> evidence.Bank:
+    """The bank of a table with the shipped texture prior, kept for the next patch of that shape; 0 sectors are as many
+    as the table's roundness asks for."""
+    return evidence.bank(table, shape, imager, texture.learnt(), count, sectors or roundness.sectors(table))

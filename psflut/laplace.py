@@ -88,8 +88,15 @@ def curvature(weight: Floats, bank: Bank) -> Floats:
 
 
 def curvature_at(power: Floats, noise: Floats, attenuation: Floats, theta: Floats, bank: Bank) -> Floats:
-    """Minus the second derivative of `evidence.log_joint` by theta (M, J), with attenuation (M, K): (M, J, J)."""
+    """Minus the second derivative of `evidence.log_joint` by theta (M, J), with attenuation (M, K): (M, J, J).
+
+    Where it is not positive, beside a summit that was not climbed to the top, annuli that bend upwards are left out.
+    """
     scene = scene_power(attenuation, theta, bank)
     mean = scene + noise
     share, ratio = scene / mean, power / mean
-    return curvature(bank.shape * share * (share * ratio - (1 - share) * (ratio - 1)), bank)
+    weight = bank.shape * share * (share * ratio - (1 - share) * (ratio - 1))
+    found = curvature(weight, bank)
+    bent = np.linalg.eigvalsh(found)[:, 0] <= 0
+    found[bent] = curvature(np.maximum(weight[bent], 0.0), bank)
+    return found

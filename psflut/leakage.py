@@ -17,7 +17,7 @@ from scipy import fft
 
 from psflut.fourier import frequency, once
 from psflut.imagers import Imager
-from psflut.spectrum import annuli, whitening
+from psflut.spectrum import Annuli, whitening
 
 Floats = NDArray[np.float64]
 
@@ -26,10 +26,10 @@ STEEPNESS = 2.5
 without it (0) those of near objects came out 0.24 % too far."""
 
 
-def passed(psf: Floats, shape: tuple[int, int], imager: Imager) -> Floats:
-    """Share of a scene's power that is left in each annulus of patches of that shape: PSFs (M, S, S) -> (M, K)."""
-    shares = _shares(shape, imager, psf.shape[-1])
-    power = np.abs(fft.rfft2(psf, s=_grid(shape, psf.shape[-1]))) ** 2
+def passed(psf: Floats, rings: Annuli, imager: Imager) -> Floats:
+    """Share of a scene's power that is left in each annulus: PSFs (M, S, S) -> (M, K)."""
+    shares = _shares(rings, imager, psf.shape[-1])
+    power = np.abs(fft.rfft2(psf, s=_grid(rings.shape, psf.shape[-1]))) ** 2
     return np.asarray(power.reshape(len(psf), -1) @ shares.reshape(len(shares), -1).T)
 
 
@@ -40,9 +40,9 @@ def _grid(shape: tuple[int, int], size: int) -> tuple[int, int]:
 
 
 @lru_cache(maxsize=2)
-def _shares(shape: tuple[int, int], imager: Imager, size: int) -> Floats:
+def _shares(rings: Annuli, imager: Imager, size: int) -> Floats:
     """What T counts for in each annulus, by frequency: (K, h, w // 2 + 1) on the grid (h, w) of `_grid`."""
-    rings, grid = annuli(shape), _grid(shape, size)
+    shape, grid = rings.shape, _grid(rings.shape, size)
     scene = np.maximum(frequency(rings.doubled), 1.0 / min(shape)) ** -STEEPNESS
     weight = scene * (imager.transfer(rings.doubled) * whitening(rings.doubled)) ** 2
     near = np.ix_(*(np.r_[0 : (side + 1) // 2, -(side // 2) : 0] for side in grid))

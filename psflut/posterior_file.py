@@ -22,6 +22,7 @@ from psflut import __version__
 from psflut.errors import PsflutError
 from psflut.estimation import Estimate
 from psflut.files import refuse_overwrite, staged
+from psflut.texture import WAVES
 
 WALK = ("chain", "draw")
 ANNULI = ("frequency",)
@@ -31,6 +32,9 @@ LONG_NAMES = {
     "vergence": "1 / distance, as the table has it",
     "stage": "stage coordinate, as the table has it",
     "theta": "coefficients of the log spectrum of the scene",
+    "alpha": "of its share that goes with the cosine of twice the direction",
+    "beta": "of its share that goes with the sine of twice the direction",
+    "gamma": "of its share that goes with the cosine of four times the direction",
     "ln_sigma": "ln of the noise beside its estimate",
     "lp": "log posterior density, up to a constant",
     "power": "power of the patch in each annulus, full scale squared",
@@ -86,21 +90,26 @@ def _groups(found: Estimate) -> dict[str, tuple[dict[str, Any], dict[str, Any], 
     """(variables, coordinates, attributes) of every group."""
     chain, names, seen = found.detail["chain"], found.detail["names"], found.detail["prediction"]
     steps, walkers, _ = chain.shape
-    theta = [name.startswith("theta") for name in names]
     walk = {"chain": np.arange(walkers), "draw": np.arange(steps)}
     annuli = {"frequency": ("frequency", seen.frequency, {"units": "1/pixel"})}
     posterior = {
         "distance": _variable("distance", WALK, found.detail["distances"].reshape(steps, walkers).T),
         names[0]: _variable(names[0], WALK, chain[:, :, 0].T),
-        "theta": _variable("theta", (*WALK, "coefficient"), chain[:, :, theta].swapaxes(0, 1)),
     }
+    coordinates: dict[str, Any] = {**walk}
+    for wave in WAVES:
+        own = [name.startswith(f"{wave}_") for name in names]
+        if any(own):
+            number = "coefficient" if wave == "theta" else "turn"
+            posterior[wave] = _variable(wave, (*WALK, number), chain[:, :, own].swapaxes(0, 1))
+            coordinates[number] = np.arange(sum(own))
     if names[-1] == "ln_sigma":
         posterior["ln_sigma"] = _variable("ln_sigma", WALK, chain[:, :, -1].T)
     made = {"inference_library": "emcee", "inference_library_version": version("emcee")}
     observed, constant = {"power": seen.power}, {"noise": seen.noise, "shape": seen.shape}
     replicas = {"chain": [0], "draw": np.arange(len(seen.replicated)), **annuli}
     return {
-        "posterior": (posterior, {**walk, "coefficient": np.arange(sum(theta))}, made),
+        "posterior": (posterior, coordinates, made),
         "sample_stats": ({"lp": _variable("lp", WALK, found.detail["log_probability"].T)}, walk, made),
         "posterior_predictive": ({"power": _variable("power", (*WALK, *ANNULI), seen.replicated[None])}, replicas, {}),
         "observed_data": ({name: _variable(name, ANNULI, values) for name, values in observed.items()}, annuli, {}),

@@ -51,4 +51,7 @@ def predict(problem: Problem, found: Grid, chain: Chain, seed: int) -> Predictio
     scene = evidence.scene_power(found.bank.at(points[:, 0]), points[:, 1 : 1 + terms], found.bank)
     mean, shape = scene + found.noise * scale, np.broadcast_to(found.bank.shape, found.power.shape)
     drawn = np.random.default_rng(seed).gamma(shape, mean / shape)
-    return Prediction(annuli(problem.shape).frequency, found.power, found.noise, shape, mean, drawn)
+    whole = found.bank.rings.whole
+    power, noise, mean, drawn = (whole(each) for each in (found.power, found.noise, mean, drawn))
+    counted = np.asarray(np.bincount(found.bank.rings.ring, shape), dtype=float)
+    return Prediction(annuli(problem.shape).frequency, power, noise, counted, mean, drawn)

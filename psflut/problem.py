@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from psflut.imagers import Imager
 from psflut.noise import Noise
-from psflut.spectrum import annular_power, annuli
+from psflut.spectrum import Annuli, annular_power, annuli
 from psflut.table import PSFTable
 
 Floats = NDArray[np.float64]
@@ -81,6 +81,10 @@ class Problem:
     def power(self) -> Floats:
         """(K,) mean power of the patch in each annulus, image units squared."""
         return annular_power(self.image)
+
+    def powers(self, rings: Annuli) -> Floats:
+        """(K,) the same by other annuli."""
+        return self.power if rings.sectors == 1 else rings.power(self.image)
 
     @property
     def mean_level(self) -> float:

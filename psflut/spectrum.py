@@ -54,26 +54,36 @@ RISE = 0.125
 
 @dataclass(frozen=True, eq=False)
 class Annuli:
-    """The annuli of patches of one shape, one bin of the shorter side wide.
+    """The annuli of patches of one shape, one bin of the shorter side wide, whole or cut into sectors.
 
     Parameters
     ----------
     shape : (H, W)
+    sectors : int
+        Into which every annulus is cut, opposite directions in one; K counts the sectors of all annuli, one direction
+        after the other, without those that no bin falls into.
     taper : (H, W) array
         Zero along the borders, which the whitening of a patch does not reach.
     index : (H, W // 2 + 1) array of int
         Annulus of every bin of the half plane, K for those that belong to none.
     frequency : (K,) array
         Mean frequency, cycles a pixel.
+    ring : (K,) array of int
+        The whole annulus that each is of.
+    direction : (K,) array
+        Middle of the sector, radians from x (across) towards y (down); 0 for whole annuli.
     effective : (K,) array
         Effective number of independent bins: those of the half plane times (sum w^2)^2 / (N sum w^4), which
         is what the correlation between neighbours leaves of them in a long run of bins.
     """
 
     shape: tuple[int, int]
+    sectors: int
     taper: Floats
     index: NDArray[np.intp]
     frequency: Floats
+    ring: NDArray[np.intp]
+    direction: Floats
     effective: Floats
 
     @property
@@ -93,6 +103,18 @@ class Annuli:
         """(K,) frequencies in each annulus, of which the plane holds two bins each."""
         weight = np.broadcast_to(once(self.shape), self.index.shape)
         return np.asarray(np.bincount(self.index.ravel(), weight.ravel())[: len(self.frequency)], dtype=float)
+
+    def power(self, image: NDArray[np.floating]) -> Floats:
+        """Mean power of patches in each annulus: (..., H, W) -> (..., K), image units squared."""
+        spectrum = self.transformed(image)
+        return self.mean(spectrum.real**2 + spectrum.imag**2)
+
+    def whole(self, values: Floats) -> Floats:
+        """The mean over each whole annulus of what is known of its sectors: (..., K) -> (..., annuli)."""
+        if self.sectors == 1:
+            return values
+        members = (self.ring == np.arange(self.ring.max() + 1)[:, None]) * self.bins
+        return np.asarray(values @ (members / members.sum(axis=1, keepdims=True)).T)
 
     def transformed(self, image: NDArray[np.floating]) -> NDArray[np.complexfloating]:
         """(..., H, W // 2 + 1) transform of patches (..., H, W) whose squared modulus is the power P."""
@@ -161,26 +183,26 @@ class Annuli:
 
 
 @lru_cache(maxsize=16)
-def annuli(shape: tuple[int, int]) -> Annuli:
+def annuli(shape: tuple[int, int], sectors: int = 1) -> Annuli:
     """The annuli of patches of that shape."""
     taper = np.outer(*(tukey(side, 2 * RISE) for side in shape))
     frequency = fourier.frequency(shape)
-    step = 1.0 / min(shape)
-    index = np.floor(frequency / step - LOWEST).astype(np.intp)
+    ring = np.floor(frequency * min(shape) - LOWEST).astype(np.intp)
+    count = int(ring.max()) + 1
+    sector = np.rint(fourier.direction(shape) * sectors / np.pi).astype(np.intp) % sectors
+    pairs, index = np.unique(np.where(ring < 0, sectors * count, sector * count + ring), return_inverse=True)
+    pairs = pairs[pairs < sectors * count]
     weight = once(shape) * np.ones_like(frequency)
-    count = int(index.max()) + 1
-    index[index < 0] = count
-    bins = np.bincount(index.ravel(), weights=weight.ravel(), minlength=count + 1)[:count]
-    centre = np.bincount(index.ravel(), weights=(weight * frequency).ravel(), minlength=count + 1)[:count] / bins
+    index = index.reshape(frequency.shape)
+    bins, sums = (np.bincount(index.ravel(), each.ravel())[: len(pairs)] for each in (weight, weight * frequency))
     independent = np.sum(taper**2) ** 2 / (taper.size * np.sum(taper**4))
-    return Annuli(shape, taper, index, centre, bins * independent)
+    centre, direction = sums / bins, np.pi * (pairs // count) / sectors
+    return Annuli(shape, sectors, taper, index, centre, pairs % count, direction, bins * independent)
 
 
 def annular_power(image: NDArray[np.floating]) -> Floats:
-    """Mean power of patches in each annulus: (..., H, W) -> (..., K), image units squared."""
-    rings = annuli((image.shape[-2], image.shape[-1]))
-    spectrum = rings.transformed(image)
-    return rings.mean(spectrum.real**2 + spectrum.imag**2)
+    """Mean power of patches in each whole annulus: (..., H, W) -> (..., K), image units squared."""
+    return annuli((image.shape[-2], image.shape[-1])).power(image)
 
 
 def whitening(shape: tuple[int, int]) -> Floats:

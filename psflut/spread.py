@@ -33,7 +33,6 @@ from psflut import evidence
 from psflut.fourier import transfer
 from psflut.laplace import curvature
 from psflut.sampling import too_far
-from psflut.spectrum import annuli
 from psflut.table import PSFTable
 
 Floats = NDArray[np.float64]
@@ -57,7 +56,6 @@ difference of its neighbours."""
 
 def spread(
     table: PSFTable,
-    shape: tuple[int, int],
     bank: evidence.Bank,
     noise: Floats,
     places: Floats,
@@ -69,8 +67,6 @@ def spread(
     Parameters
     ----------
     table : PSFTable
-    shape : (H, W)
-        Of the patch.
     bank : Bank
     noise : (K,) array
         Noise power by annulus.
@@ -85,7 +81,7 @@ def spread(
     if table.psf_std is not None:
         likely = np.flatnonzero(log_density > log_density.max() + np.log(FAINT))
         chosen = likely[:: -(-len(likely) // PLACES)]
-        places, sd = places[chosen], pixels(table, shape, bank, noise, places[chosen], theta[chosen])
+        places, sd = places[chosen], pixels(table, bank, noise, places[chosen], theta[chosen])
     order = np.argsort(places)
 
     def total(even: Floats) -> Floats:
@@ -141,9 +137,7 @@ def _missed(table: PSFTable) -> Floats:
     return missed
 
 
-def pixels(
-    table: PSFTable, shape: tuple[int, int], bank: evidence.Bank, noise: Floats, places: Floats, theta: Floats
-) -> Floats:
+def pixels(table: PSFTable, bank: evidence.Bank, noise: Floats, places: Floats, theta: Floats) -> Floats:
     """Standard deviation of the likeliest place due to the pixels' errors, at each of a few places (n,).
 
     An error e of ln T by annulus moves the maximum of the evidence by q . e / (q . t'), with t' = d ln T / d even,
@@ -158,7 +152,7 @@ def pixels(
     taken = np.linalg.solve(curvature(weight, bank), ((weight * slope) @ bank.basis)[..., None])[..., 0]
     q = weight * (slope - taken @ bank.basis.T)
     half = table.size // 2
-    rings, kept = annuli(shape), np.ix_(*[np.r_[-half : half + 1]] * 2)
+    rings, shape, kept = bank.rings, bank.rings.shape, np.ix_(*[np.r_[-half : half + 1]] * 2)
     out = []
     for place, towards, along_axis in zip(places, q, slope, strict=True):
         psf, std = table.at(np.clip(table.position(place), *table.span)), pixel_std(table, float(place))

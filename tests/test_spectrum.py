@@ -60,7 +60,7 @@ def test_what_is_passed_is_the_share_of_a_typical_scene_that_leaks(lab16mm, shap
     scene = np.maximum(frequency, 1 / min(shape)) ** -STEEPNESS
     seen = scene * imager.transfer(rings.doubled) ** 2 * lab16mm.power(rings.doubled, positions)
     expected = np.stack([rings.leaked(each) for each in seen]) / rings.leaked(scene)
-    np.testing.assert_allclose(passed(lab16mm.at(positions), shape, imager), expected, rtol=1e-6)
+    np.testing.assert_allclose(passed(lab16mm.at(positions), annuli(shape), imager), expected, rtol=1e-6)
 
 
 def test_the_mean_does_not_count(rng):

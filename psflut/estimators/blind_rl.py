@@ -14,7 +14,7 @@ from psflut.grid import cached_bank
 from psflut.gross import with_gross_errors
 from psflut.laplace import curvature
 from psflut.restore import blind_richardson_lucy, nonnegative
-from psflut.spectrum import annular_power
+from psflut.spectrum import Annuli
 from psflut.spread import spread
 
 Floats = NDArray[np.float64]
@@ -108,15 +108,16 @@ class BlindRl(AbstractEstimator):
         )
         noise = evidence.noise_power(fine, problem.noise, problem.mean_level)
         order = np.argsort(starts.even)
-        scenes = _scenes(self._powers(problem), problem.power, noise, starts)[order]
+        power = problem.powers(fine.rings)
+        scenes = _scenes(self._powers(problem, fine.rings), power, noise, starts)[order]
         start = CubicSpline(starts.even[order], scenes)(fine.even)
-        theta, score = _climbed(problem.power, noise, start, fine, self.steps)
+        theta, score = _climbed(power, noise, start, fine, self.steps)
         best = int(np.argmax(score))
         mean = evidence.scene_power(fine.attenuation[best], theta[best], fine) + noise
-        misfit = float(evidence.misfit(problem.power, mean, fine.shape))
+        misfit = float(evidence.misfit(power, mean, fine.shape))
         fine = fine.counted(float(evidence.discount(np.array(misfit), fine)))
-        theta, score = _climbed(problem.power, noise, start, fine, self.steps)
-        width = spread(table, problem.shape, fine, noise, fine.even, score, theta)
+        theta, score = _climbed(power, noise, start, fine, self.steps)
+        width = spread(table, fine, noise, fine.even, score, theta)
         density = with_gross_errors(Density(fine.even, score, table.position), fine.prior.gross).widened(width)
         restored, psf, _ = self._restored(problem, table.at(density.modes()[0].distance))
         return conclude(
@@ -132,11 +133,11 @@ class BlindRl(AbstractEstimator):
         image, scale = nonnegative(problem.image, problem.noise.read)
         return *blind_richardson_lucy(image.astype(np.float32), psf, self.iterations), scale
 
-    def _powers(self, problem: Problem) -> Floats:
+    def _powers(self, problem: Problem, rings: Annuli) -> Floats:
         """(M, K) power of the patch restored from each of M tabled PSFs, by annulus, image units squared."""
         planes = problem.table.at(problem.table.candidates(self.restorations))
         runs = (self._restored(problem, psf) for psf in planes)
-        return np.stack([annular_power(restored) / scale**2 for restored, _, scale in runs])
+        return np.stack([rings.power(restored) / scale**2 for restored, _, scale in runs])
 
 
 def _scenes(power: Floats, capture: Floats, noise: Floats, bank: evidence.Bank) -> Floats:

@@ -13,6 +13,7 @@ from psflut.estimation import AbstractEstimator, Curve, Estimate, Outcome, Probl
 from psflut.grid import Grid, grid, restored
 from psflut.gross import moved
 from psflut.predictive import predict
+from psflut.roundness import check_sectors
 
 Floats = NDArray[np.float64]
 
@@ -40,18 +41,23 @@ class Posterior(AbstractEstimator):
     steps : int
         Of each walker, at most: the chain ends once it is 50 autocorrelation times long.
     walkers : int
-        Even, at least twice the dimensions.
+        Even, at least twice the dimensions. With spectra by direction more are taken by themselves, as these have
+        more coefficients.
     seed : int
     candidates : int
         Of the grid that starts the walkers.
+    sectors : int
+        As that of `psflut.estimators.wiener`.
     """
 
     steps: int = 4000
     walkers: int = 32
     seed: int = 0
     candidates: int = 200
+    sectors: int = 0
 
     def __post_init__(self) -> None:
+        check_sectors(self.sectors)
         if self.steps < 1 or self.walkers < 2 or self.walkers % 2 or self.seed < 0:
             raise PsflutError(
                 "posterior needs at least one step, an even number of walkers and a seed that is not negative, "
@@ -65,9 +71,16 @@ class Posterior(AbstractEstimator):
 
     def solve(self, problem: Problem) -> Estimate:
         """See `AbstractEstimator`."""
-        found = grid(problem, self.candidates)
-        chain = sample(found, self.steps, self.walkers, self.seed, free_noise=problem.noise_source == "image")
+        found = grid(problem, self.candidates, self.sectors)
+        free = problem.noise_source == "image"
+        walkers = max(self.walkers, self._least(found, free)) if found.bank.rings.sectors > 1 else self.walkers
+        chain = sample(found, self.steps, walkers, self.seed, free)
         return self._estimate(problem, found, chain)
+
+    @staticmethod
+    def _least(found: Grid, free_noise: bool) -> int:
+        """Walkers that the coefficients of spectra by direction need."""
+        return 2 * (1 + len(found.bank.prior.mean) + int(free_noise))
 
     def _estimate(self, problem: Problem, found: Grid, chain: Chain) -> Estimate:
         drawn = chain.points[:, :, 0].ravel()
@@ -77,7 +90,7 @@ class Posterior(AbstractEstimator):
         if not chain.converged:
             outcome = Outcome.NOT_CONVERGED
         names = ["vergence" if problem.table.kind == "distance" else "stage"]
-        names += [f"theta_{j}" for j in range(found.bank.basis.shape[1])]
+        names += found.bank.prior.names
         return Estimate(
             distance=modes[0].distance,
             interval=interval_of(problem.table.position(np.quantile(even, tails(problem.level)))),

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from psflut import roundness
 from psflut.budget import budget
 from psflut.estimation import AbstractEstimator, Curve, Estimate, Problem, conclude
 from psflut.grid import grid, restored
@@ -23,13 +24,21 @@ class Wiener(AbstractEstimator):
     candidates : int
         Distances over the table's span, evenly in vergence, at which the optics' transfer is worked out. Splines serve
         between them: 100 moved an interval's end by up to half its sigma, 200 by 0.06.
+    sectors : int
+        Into which the annuli of the spectrum are cut: 1, 4, or 0 for 4 only where PSFs are far from round
+        (`psflut.roundness`). 4 takes 1 ms more a patch of 128 pixels and tells more of any
+        scene: through a lens without aberrations medians are a fifth smaller.
     """
 
     candidates: int = 200
+    sectors: int = 0
+
+    def __post_init__(self) -> None:
+        roundness.check_sectors(self.sectors)
 
     def solve(self, problem: Problem) -> Estimate:
         """See `AbstractEstimator`."""
-        found = grid(problem, self.candidates)
+        found = grid(problem, self.candidates, self.sectors)
         distance = found.density.modes()[0].distance
         return conclude(
             problem,

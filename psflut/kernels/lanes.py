@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Places = NDArray[np.int64]
 
-LANES, SMALL = 64, 250_000
-"""Climbs side by side at most, and the multiplications of a product of matrices up to which libraries of linear
-algebra work in one thread."""
+LANES, SMALL, LEAST = 64, 250_000, 24
+"""Climbs side by side at most, the multiplications of a product of matrices up to which libraries of linear algebra
+work in one thread, and the climbs side by side nevertheless: fewer fetch the products of functions too often."""
 
 
 class Model(NamedTuple):
@@ -97,7 +97,7 @@ class Room(NamedTuple):
 def room(model: Model) -> Room:
     """Arrays to work in."""
     (terms, annuli), pairs = model.basis.shape, model.products.shape[1]
-    lanes = max(1, min(LANES, SMALL // (annuli * pairs)))
+    lanes = max(LEAST, min(LANES, SMALL // (annuli * pairs)))
     bits, lane = np.zeros((2, annuli), np.int64), np.zeros((3, lanes), np.int64)
     return Room(
         *(lane, np.zeros((4, lanes)), np.zeros((4, lanes, annuli)), np.zeros((2, annuli)), bits, bits.view(np.float64)),

@@ -2,12 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import fft, ndimage, special
+from scipy import fft, special
 
+from calib.stamps import Stamp, around, cut, find
 from calib.superresolution import Fit, superresolve
 from calib.targets import Measurement, Shot, Target
 from calib.unfilter import unfilter
@@ -15,9 +15,6 @@ from psflut.errors import PsflutError
 from psflut.imagers import Imager
 
 Floats = NDArray[np.float64]
-
-FOUND_SIGMAS = 6.0
-"""A point stands out of the smoothed frame by so many of its robust standard deviations."""
 
 UNLIKE, UNLIKE_MADS = 2.0, 5.0
 """A point is unlike the rest if its residual power is so many times, and robust deviations above, the median."""
@@ -33,15 +30,6 @@ LEAST_FINE = 4
 
 DRAWS = 200
 """Of the noise, from which standard errors come: they are good to 5 %."""
-
-
-class _Stamp(NamedTuple):
-    """A point's window less its background, its centre less the window's (pixels), noise variance, and name."""
-
-    image: Floats
-    shift: Floats
-    variance: float
-    name: str
 
 
 @dataclass(frozen=True)
@@ -121,16 +109,16 @@ class Point(Target):
         reason = f"every point was rejected, as {rejected[0]}" if rejected else f"no point was found in {shots[0].name}"
         raise PsflutError(f"{reason}; take points that stand out, below full scale, well apart and from the border")
 
-    def _collect(self, shots: Sequence[Shot], size: int, signed: bool) -> tuple[list[_Stamp], list[str]]:
+    def _collect(self, shots: Sequence[Shot], size: int, signed: bool) -> tuple[list[Stamp], list[str]]:
         """The points fit for use, and why others are not."""
-        stamps: list[_Stamp] = []
+        stamps: list[Stamp] = []
         rejected: list[str] = []
         for shot in shots:
-            places = _find(shot.image, size, signed) if shot.centre is None else np.array([shot.centre], dtype=float)
+            places = find(shot.image, size, signed) if shot.centre is None else np.array([shot.centre], dtype=float)
             for place in places:
                 name = f"{shot.name} at y {place[0]:.0f}, x {place[1]:.0f}"
                 near = np.sum(np.hypot(*(places - place).T) < self.separation * size) > 1
-                stamp = "too near to another point" if near else _cut(shot.image, place, size, name, self.least_snr)
+                stamp = "too near to another point" if near else cut(shot.image, place, size, name, self.least_snr)
                 if isinstance(stamp, str):
                     rejected.append(f"{name}: {stamp}")
                 else:
@@ -141,60 +129,14 @@ class Point(Target):
         """PSF and standard error, of sum 1; imager and pinhole taken out where there are any."""
         if self.pinhole > 0 or imager.kernel().size > 1:
             return unfilter(fit.psf, fit.variance, _shown(imager, self.pinhole, len(fit.psf)), size)
-        around, crop = _around(len(fit.psf), size), slice((len(fit.psf) - size) // 2, (len(fit.psf) + size) // 2)
+        outside, crop = around(len(fit.psf), size), slice((len(fit.psf) - size) // 2, (len(fit.psf) + size) // 2)
 
         def psf(shown: Floats) -> Floats:
-            inner = (shown - shown[around].mean())[crop, crop]
+            inner = (shown - shown[outside].mean())[crop, crop]
             return np.asarray(inner / inner.sum())
 
         rng = np.random.default_rng(0)
         return psf(fit.psf), np.std([psf(drawn) for drawn in fit.draws(rng, DRAWS)], axis=0)
-
-
-def _find(image: Floats, size: int, signed: bool) -> Floats:
-    """Places (N, 2) of what stands out of the frame; a signed imager shows only the rim of a large disc."""
-    light = np.where(np.isnan(image), 1.0, image) - np.nanmedian(image)
-    light = np.abs(light) if signed else light
-    smooth = ndimage.gaussian_filter(light, size / (4 if signed else 8)) - ndimage.gaussian_filter(light, size)
-    sigma = 1.4826 * np.median(np.abs(smooth - np.median(smooth)))
-    peak = smooth == ndimage.maximum_filter(smooth, size if signed else size // 2)
-    return np.argwhere(peak & (smooth > FOUND_SIGMAS * sigma + 1e-12)).astype(float)
-
-
-def _cut(image: Floats, place: Floats, size: int, name: str, least_snr: float) -> _Stamp | str:
-    """The stamp of a point, or why there is none."""
-    half = size // 2 + max(4, size // 6)
-    around = _around(2 * half + 1, size)
-    start, shift = place, np.zeros(2)
-    for _ in range(3):  # the place found may be some pixels off
-        place = np.rint(place + shift)
-        if np.hypot(*(place - start)) > size / 4:
-            return "other light beside it"
-        y, x = place.astype(int)
-        if min(y, x) < half or y + half >= image.shape[0] or x + half >= image.shape[1]:
-            return "too near to the border"
-        window = image[y - half : y + half + 1, x - half : x + half + 1]
-        if np.any(np.isnan(window)):
-            return "saturated"
-        level, variance = _background(window[around])
-        if np.sum((window - level) ** 2) < variance * (window.size + least_snr**2):
-            return "too faint"
-        light = ndimage.gaussian_filter(np.abs(window - level), 1.0)
-        shift = np.array(ndimage.center_of_mass(np.maximum(light - 0.3 * light.max(), 0.0))) - half
-    return _Stamp(window - level, shift, variance, name)
-
-
-def _background(around: Floats) -> tuple[float, float]:
-    """Level and variance of the pixels that lie within four robust deviations."""
-    away = np.abs(around - np.median(around))
-    kept = around[away <= 4 * 1.4826 * np.median(away) + 1e-12]
-    return float(kept.mean()), max(float(kept.var()), 1e-16)
-
-
-def _around(width: int, size: int) -> NDArray[np.bool_]:
-    """Which pixels of a window lie outside the PSF's own."""
-    line = np.abs(np.arange(width) - width // 2) > size // 2
-    return np.asarray(line[:, None] | line)
 
 
 def _coarse(images: Floats, shift: Floats, dark: Floats) -> tuple[Fit, Floats]:

@@ -111,11 +111,10 @@ def _chain(found: Estimate) -> str:
 
 def _criticism(found: Estimate) -> str:
     misfit, seen = found.stats["misfit"], found.detail["prediction"]
-    usual = texture.learnt().usual(len(seen.power))
     low, high = np.quantile(seen.replicated, [0.025, 0.975], axis=0)
     outside = np.mean((seen.power < low) | (seen.power > high))
     told = (
-        f"misfit {misfit:.2f}, three in four photographs stay below {usual:.2f}; {outside:.0%} of the annuli lie "
+        f"misfit {misfit:.2f}, three in four photographs stay below {seen.usual:.2f}; {outside:.0%} of the annuli lie "
         "outside the band of 95 %"
     )
     if misfit > BEYOND:
@@ -123,7 +122,7 @@ def _criticism(found: Estimate) -> str:
             f"No distance of the table explains this spectrum well ({told}): the object may lie beyond the table, be "
             "periodic, or be seen by another camera, so do not rely on the interval."
         )
-    if misfit > 2 * usual:
+    if misfit > 2 * seen.usual:
         return f"The spectrum scatters more than is usual ({told}), and the interval has been widened for it."
     return f"The model explains the spectrum as well as that of most photographs ({told})."
 

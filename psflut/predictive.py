@@ -32,6 +32,8 @@ class Prediction(NamedTuple):
         V = S |L|^2 T + N at points of the chain.
     replicated : (n, K) array
         Powers drawn from gamma distributions of those means: what another such patch could have shown.
+    usual : float
+        Misfit that three in four photographs stay below (`TexturePrior.usual`).
     """
 
     frequency: Floats
@@ -40,6 +42,7 @@ class Prediction(NamedTuple):
     shape: Floats
     mean: Floats
     replicated: Floats
+    usual: float
 
 
 def predict(problem: Problem, found: Grid, chain: Chain, seed: int) -> Prediction:
@@ -54,4 +57,5 @@ def predict(problem: Problem, found: Grid, chain: Chain, seed: int) -> Predictio
     whole = found.bank.rings.whole
     power, noise, mean, drawn = (whole(each) for each in (found.power, found.noise, mean, drawn))
     counted = np.asarray(np.bincount(found.bank.rings.ring, shape), dtype=float)
-    return Prediction(annuli(problem.shape).frequency, power, noise, counted, mean, drawn)
+    usual = found.bank.prior.usual(len(found.power))
+    return Prediction(annuli(problem.shape).frequency, power, noise, counted, mean, drawn, usual)

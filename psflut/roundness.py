@@ -32,8 +32,7 @@ Floats = NDArray[np.float64]
 
 UNEVEN = 0.02
 """`unevenness` (its root, nats) from which PSFs are not round. At f/2 a twentieth of a wave of astigmatism has less, a
-tenth 0.026 to 0.035, a quarter 0.09, a quarter of coma 0.03; of 60 round tables with noise of 1 to 25 % of each peak
-one had more."""
+tenth 0.026 to 0.035, a quarter 0.09, a quarter of coma 0.03."""
 
 SIDE, PLANES, FAINT = 64, 16, 0.01
 """Pixels of the grid, planes that are looked at, and what of a scene's power must be left for a frequency to count."""
@@ -43,7 +42,8 @@ SIDE, PLANES, FAINT = 64, 16, 0.01
 def sectors(table: PSFTable) -> int:
     """Into how many sectors annuli are cut: `SECTORS` where PSFs are far from round, else 1."""
     some = np.unique(np.linspace(0, len(table.axis) - 1, PLANES).round().astype(int))
-    return SECTORS if unevenness(table.psf[some]) > UNEVEN**2 else 1
+    std = None if table.psf_std is None else table.psf_std[some]
+    return SECTORS if unevenness(table.psf[some], std) > UNEVEN**2 else 1
 
 
 def check_sectors(sectors: int) -> None:
@@ -54,22 +54,37 @@ def check_sectors(sectors: int) -> None:
         )
 
 
-def unevenness(psf: Floats) -> float:
+def unevenness(psf: Floats, std: Floats | None = None) -> float:
     """What PSFs (M, S, S) in order surely have of unevenness: a mean square, nats, less twice its standard error.
 
     Of half the difference of ln T between sectors at right angles, in which square pixels are alike, with T the squared
-    transfer function. Squares are products of neighbouring planes, whose noise is not the same.
+    transfer function. Squares are products of neighbouring planes, whose noise may not be the same; where standard
+    errors are known, less what noise of their size does, as if it were.
     """
-    shape = (max(SIDE, psf.shape[-1]),) * 2
-    rings = annuli(shape, SECTORS)
-    power = np.full((len(psf), SECTORS, rings.ring.max() + 1), np.nan)  # NaN: no such sector, in the plane's corners
-    sector = np.rint(rings.direction * SECTORS / np.pi).astype(int)
-    power[:, sector, rings.ring] = rings.mean(np.abs(fft.rfft2(psf, s=shape)) ** 2)
-    seen = power.mean(axis=1) > FAINT
-    logs = np.log(np.maximum(power, 1e-12))
-    halves = np.where(seen[:, None], 0.5 * (logs[:, : SECTORS // 2] - logs[:, SECTORS // 2 :]), 0.0)
-    count = np.sum(seen[:-1] & seen[1:], axis=1) * (SECTORS // 2)
-    squares = (np.sum(halves[:-1] * halves[1:], axis=(1, 2)) / np.maximum(count, 1))[count > 0]
+    halves, seen = _halves(psf)
+    both = seen[:-1] & seen[1:]
+    squares = np.array([np.mean(pair) for pair in _shown(halves[:-1] * halves[1:], both)])
     if len(squares) < 2:
         return 0.0
-    return float(squares.mean() - 2.0 * squares.std(ddof=1) / np.sqrt(len(squares)))
+    surely = squares.mean() - 2.0 * squares.std(ddof=1) / np.sqrt(len(squares))
+    if std is not None:
+        noise = std * (psf > 0) * np.random.default_rng(0).standard_normal(psf.shape)
+        moved = (_halves(psf + noise)[0] - halves) ** 2
+        surely -= np.mean([np.mean(plane) for plane in _shown(moved, seen)])
+    return float(surely)
+
+
+def _halves(psf: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+    """Half differences (M, annuli, sectors / 2), and which annuli (M, annuli) leave enough of a scene to count."""
+    shape = (max(SIDE, psf.shape[-1]),) * 2
+    rings = annuli(shape, SECTORS)
+    power = np.full((len(psf), rings.ring.max() + 1, SECTORS), np.nan)  # NaN: no such sector, in the plane's corners
+    sector = np.rint(rings.direction * SECTORS / np.pi).astype(int)
+    power[:, rings.ring, sector] = rings.mean(np.abs(fft.rfft2(psf, s=shape)) ** 2)
+    logs = np.log(np.maximum(power, 1e-12))
+    return 0.5 * (logs[..., : SECTORS // 2] - logs[..., SECTORS // 2 :]), power.mean(axis=2) > FAINT
+
+
+def _shown(values: Floats, seen: NDArray[np.bool_]) -> list[Floats]:
+    """Of every plane that shows any, the values of the annuli seen."""
+    return [row[mask] for row, mask in zip(values, seen, strict=True) if mask.any()]

@@ -31,6 +31,8 @@ from psflut.table import PSFTable
 FOLDER = Path(__file__).parents[3] / "shared/data/kodak"
 pytestmark = pytest.mark.benchmark
 NOISE, SIDE, CONTRAST = Noise(0.005), 128, 0.15
+SCENES = 600
+"""Of the model itself: a few errors near an end of the range weigh most, and 200 gave 1.21 where 400 gave 1.13."""
 LENS = Pupil(wavelengths=tuple(np.linspace(470e-9, 630e-9, 5)))
 SETTINGS = {"f/8": (8.0, 6.0, 21), "focus": (2.0, 1.2, 49)}  # f-number, focus in metres, side of a PSF
 
@@ -93,7 +95,7 @@ def test_matched_scenes_come_within_a_fifth_of_the_bound(lab16mm, setting):
     rng, prior, rows = np.random.default_rng(4), texture.learnt(), []
     flat = np.full((SIDE, SIDE), 0.5)
     blank = [Problem(flat, each, Plain(), NOISE, "given", 0.95) for each in (lab16mm, table(setting))]
-    for _ in range(200):
+    for _ in range(SCENES):
         distance = 1 / rng.uniform(1 / 4.5, 1 / 0.9)
         scene, theta = field(prior, rng)
         least = bound(*blank, 1 / distance, theta, prior) * distance  # relative

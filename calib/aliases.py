@@ -92,19 +92,20 @@ class Aliases:
         covariance = np.asarray(
             np.linalg.inv(normal + precision[:, :, None] * np.eye(self.oversampling**2)), dtype=np.complex128
         )
-        told: Complexes = np.einsum("kmn,kn->km", covariance, right)
+        told = applied(covariance, right)
         profile, ways = self._round(covariance, precision, told)
         mean = self._shape(profile)
-        found = told + np.einsum("kmn,kn->km", covariance, precision * mean)
-        pulled = [np.einsum("kmn,kn->k", covariance, precision * self._shape(way)) for way in ways]
+        found = told + applied(covariance, precision * mean)
+        # Aliases add up: of the covariance the sums of its columns are all that an error of the round mean meets.
+        pulled = ways @ self._by_ring(covariance.sum(axis=1) * precision * self._apart(self.pixel))
         both = self._twice
         return Spectrum(
             self._whole(found),
             self._whole(mean),
             self._whole(np.einsum("kmm->km", covariance)).real,
             self._mirrored(covariance.sum(axis=(1, 2))).real,
-            np.array([images(self._mirrored(each)) for each in pulled]).reshape(-1, self.width, self.width),
-            float(both @ np.einsum("kmn,nm->k", covariance, normal).real) + len(ways),
+            images(self._mirrored(pulled)),
+            float(both @ (covariance.reshape(len(both), -1) @ normal.T.ravel()).real) + len(ways),
         )
 
     def _normal(self, shift: Floats, weight: Floats) -> Complexes:
@@ -147,6 +148,13 @@ class Aliases:
         """What a profile by ring is at the frequencies worked out."""
         return np.asarray(profile[self._apart(self.ring)] * self._apart(self.pixel))
 
+    def _by_ring(self, part: Complexes) -> Complexes:
+        """(rings, W^2 // 2 + 1) values of a frequency and alias summed over the aliases in a ring."""
+        ring = self._apart(self.ring)
+        summed = np.zeros((int(self.ring.max()) + 1, len(part)), complex)
+        np.add.at(summed, (ring, np.arange(len(part))[:, None]), part)
+        return summed
+
     @property
     def _twice(self) -> Floats:
         """How often each frequency worked out stands in the plane."""
@@ -167,8 +175,14 @@ class Aliases:
         return whole.transpose(2, 0, 3, 1).reshape((s * width,) * 2)
 
     def _mirrored(self, part: NDArray[Any]) -> NDArray[Any]:
-        """(W, W) of one number a frequency."""
-        return np.concatenate([part, part[-2::-1].conj()]).reshape(self.width, self.width)
+        """(..., W, W) of one number a frequency (..., W^2 // 2 + 1)."""
+        whole = np.concatenate([part, part[..., -2::-1].conj()], axis=-1)
+        return whole.reshape(*part.shape[:-1], self.width, self.width)
+
+
+def applied(matrices: Complexes, vectors: NDArray[Any]) -> Complexes:
+    """Each of the matrices (K, M, M) times its vector (K, M)."""
+    return np.asarray((matrices @ vectors[:, :, None])[:, :, 0])
 
 
 def spectra(pictures: Floats) -> Complexes:
@@ -179,7 +193,8 @@ def spectra(pictures: Floats) -> Complexes:
 
 def images(spectrum: Complexes) -> Floats:
     """The inverse of `spectra`, real part."""
-    return np.asarray(fft.fftshift(fft.ifft2(fft.ifftshift(spectrum))).real)
+    axes = (-2, -1)
+    return np.asarray(fft.fftshift(fft.ifft2(fft.ifftshift(spectrum, axes)), axes).real)
 
 
 def samples(spectrum: Complexes, width: int) -> Floats:

@@ -31,16 +31,21 @@ class Spectrum(NamedTuple):
     """What was found on the fine grid of frequencies (s W, s W), and how well it is known.
 
     `found` is the posterior mean, `round` the round mean, `variance` the posterior variance about it; `power` (W, W)
-    the posterior variance of the sums of aliases; `errors` (R, W, W) what one standard deviation of each of the
-    independent errors of the round mean adds to the samples at whole pixels; `used` the freedoms used.
+    the posterior variance of the sums of aliases; `pulled` (R, W, W) what one standard deviation of each of the
+    independent errors of the round mean adds to these; `used` the freedoms used.
     """
 
     found: Complexes
     round: Complexes
     variance: Floats
     power: Floats
-    errors: Floats
+    pulled: Complexes
     used: float
+
+    @property
+    def errors(self) -> Floats:
+        """(R, W, W) what those errors add to the samples at whole pixels; of many rounds only the last asks."""
+        return images(self.pulled)
 
 
 @dataclass(frozen=True)
@@ -104,7 +109,7 @@ class Aliases:
             self._whole(mean),
             self._whole(np.einsum("kmm->km", covariance)).real,
             self._mirrored(covariance.sum(axis=(1, 2))).real,
-            images(self._mirrored(pulled)),
+            self._mirrored(pulled),
             float(both @ (covariance.reshape(len(both), -1) @ normal.T.ravel()).real) + len(ways),
         )
 

@@ -87,7 +87,7 @@ def learn_gross(
     misfit: list[tuple[int, float]] = []
     for side in SIDES:
         seen = np.quantile([found.misfit for found, _ in solved(side, EVERY)], USUAL)
-        misfit.append((len(annuli((side, side), sectors).frequency), float(seen)))
+        misfit.append((annuli((side, side)).count, float(seen)))
     found = [each for side in SIDES for each in solved(side, misfit)]
     exact = [(Density(each.even, each.fit.log_evidence, table.position), z) for each, z in found]
     covers = [np.mean([_covers(with_gross_errors(density, share), z) for density, z in exact]) for share in SHARES]

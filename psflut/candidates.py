@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from psflut import evidence
 from psflut.evidence import Bank
-from psflut.laplace import Fit, fine_model, first_guess
+from psflut.laplace import Fit, fine_model, first_guess, in_chebyshev
 
 if TYPE_CHECKING:
     from psflut.kernels.exploring import Found
@@ -94,9 +94,11 @@ def search(power: Floats, noise: Floats, bank: Bank) -> Search:
     from psflut.kernels import exploring
 
     even, model = fine_model(bank)
-    patches = np.array(power), np.array(noise)
-    ends = model.attenuation[:: exploring.PLACES // exploring.COARSE]
-    found = exploring.begun(first_guess(*patches, bank, ends), MOST)
+    rings = bank.rings
+    patches = rings.spread(power, 1.0), rings.spread(noise, 1.0)
+    ends = rings.listed(model.attenuation[:: exploring.PLACES // exploring.COARSE])
+    to, back = in_chebyshev(bank.prior)
+    found = exploring.begun(first_guess(power, noise, bank, ends) @ to.T, MOST)
     exploring.explore(*patches, np.ones(len(power)), model, found, LOOSE)
     misfit = _misfit(power, noise, bank, model.attenuation, found)
     share = evidence.discount(misfit, bank)
@@ -105,13 +107,15 @@ def search(power: Floats, noise: Floats, bank: Bank) -> Search:
     ranks = np.minimum(np.arange(found.seen.max(initial=0)), found.seen[:, None] - 1)
     patch = np.arange(len(power))[:, None]
     order = patch, found.order[patch, ranks]
-    return Search(found.seen, even[found.place[order]], found.log_evidence[order], found.theta[order], misfit, share)
+    return Search(
+        found.seen, even[found.place[order]], found.log_evidence[order], found.theta[order] @ back.T, misfit, share
+    )
 
 
 def _misfit(power: Floats, noise: Floats, bank: Bank, attenuation: Floats, found: "Found") -> Floats:
     """(B,) misfit of each patch's likeliest distance."""
     looked, patch = np.arange(MOST) < found.seen[:, None], np.arange(len(power))
     best = np.argmax(np.where(looked, found.log_evidence, -np.inf), axis=1)
-    theta, places = found.theta[patch, best], found.place[patch, best]
-    scene = evidence.scene_power(attenuation[places, : power.shape[1]], theta, bank)
-    return evidence.misfit(power, scene + noise, bank.shape)
+    theta, places = found.theta[patch, best] @ in_chebyshev(bank.prior)[1].T, found.place[patch, best]
+    scene = evidence.scene_power(bank.rings.listed(attenuation[places]), theta, bank)
+    return evidence.misfit(power, scene + noise, bank)

@@ -15,7 +15,7 @@ Floats = NDArray[np.float64]
 
 LEVELS = (0.5, 0.68, 0.95)
 
-BEYOND = 1.5
+BEYOND = 2.5
 """Misfit above which no distance of the table explains a spectrum well, see `psflut.evidence.misfit`."""
 
 REMEDIES = {

@@ -9,14 +9,14 @@ from scipy import fft
 
 from psflut.fourier import phase
 from psflut.pair import Pair, Spectrum, otf
-from psflut.spectrum import annuli
+from psflut.spectrum import Annuli
 
 Floats = NDArray[np.float64]
 
 
-def power(pair: Pair, even: float, gain: float) -> Floats:
+def power(pair: Pair, even: float, gain: float, rings: Annuli) -> Floats:
     """(K,) power over noise of the images fused at a distance: of mean S A + 1 in each annulus of the patch."""
-    rings, moved = annuli(pair.first.shape), phase(pair.first.shape, pair.shift)
+    moved = phase(pair.first.shape, pair.shift)
     one, two = (rings.transformed(each.image) for each in (pair.first, pair.second))
     fused, total = _fused(pair, (one * moved, two), rings.shape, even, gain)
     return rings.mean(np.abs(fused) ** 2 / total)

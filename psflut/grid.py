@@ -6,15 +6,17 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from psflut import evidence, fourier, restore, roundness, texture
+from psflut import evidence, fourier, restore, texture
 from psflut.candidates import solve
 from psflut.density import Density
+from psflut.errors import PsflutError
 from psflut.estimation import Problem
 from psflut.gross import with_gross_errors
 from psflut.imagers import Imager
 from psflut.laplace import Fit, curvature_at
 from psflut.spread import Spread, spread
 from psflut.table import PSFTable
+from psflut.texture import SECTORS
 
 Floats = NDArray[np.float64]
 
@@ -62,7 +64,7 @@ class Grid:
         return np.asarray(self.fit.theta[np.argmin(np.abs(self.even - even))])
 
 
-def grid(problem: Problem, candidates: int, sectors: int = 0) -> Grid:
+def grid(problem: Problem, candidates: int, sectors: int = SECTORS) -> Grid:
     """The grid posterior of a problem; equal posteriors come from equal settings, whoever asks."""
     bank = cached_bank(problem.table, problem.shape, problem.imager, candidates, sectors)
     noise = evidence.noise_power(bank, problem.noise, problem.mean_level)
@@ -92,8 +94,15 @@ def restored(problem: Problem, found: Grid, distance: float) -> Floats:
     return np.asarray(restore.wiener(problem.image, problem.table.at(distance), ratio))
 
 
+def check_sectors(sectors: int) -> None:
+    """Refuse a setting of an estimator that is none."""
+    if sectors not in (1, SECTORS):
+        raise PsflutError(f"annuli are whole (sectors=1) or cut into {SECTORS} sectors, got {sectors}")
+
+
 @lru_cache(maxsize=8)
-def cached_bank(table: PSFTable, shape: tuple[int, int], imager: Imager, count: int, sectors: int = 0) -> evidence.Bank:
-    """The bank of a table with the shipped texture prior, kept for the next patch of that shape; 0 sectors are as many
-    as the table's roundness asks for."""
-    return evidence.bank(table, shape, imager, texture.learnt(), count, sectors or roundness.sectors(table))
+def cached_bank(
+    table: PSFTable, shape: tuple[int, int], imager: Imager, count: int, sectors: int = SECTORS
+) -> evidence.Bank:
+    """The bank of a table with the shipped texture prior, kept for the next patch of that shape."""
+    return evidence.bank(table, shape, imager, texture.learnt(), count, sectors)

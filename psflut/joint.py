@@ -185,10 +185,8 @@ def _amplitude(pair: Pair, even: Floats, places: Floats, found: Residual) -> Cub
     """ln p of the power spectrum of the images as fused where they agree best, against distance."""
     best = int(np.argmin(found.deviance))
     gain = float(found.gain[best])
-    power = fused.power(pair, float(places[best]), gain)
-    one, two = (
-        cached_bank(each.table, each.shape, each.imager, len(even), sectors=1) for each in (pair.first, pair.second)
-    )
+    one, two = (cached_bank(each.table, each.shape, each.imager, len(even)) for each in (pair.first, pair.second))
+    power = fused.power(pair, float(places[best]), gain, one.rings)
     parts = [
         share * bank.at(even) * bank.white / noise_power(bank, each.noise, each.mean_level)
         for share, bank, each in ((1.0, one, pair.first), (gain**2, two, pair.second))

@@ -3,8 +3,11 @@
     ln p(P | z) = max over theta of [ ln p(P | z, theta) + ln p(theta) ] - 1/2 ln det(curvature there)
 
 up to what does not depend on z. With a thousand effective bins the posterior of theta is so nearly normal that emcee,
-which samples the same density, gives the same distances. The maximum is found by Newton's method
-(`psflut.kernels.climbing`).
+which samples the same density, gives the same distances.
+
+The maximum is found by Newton's method (`psflut.kernels.climbing`), in Chebyshev polynomials in place of Legendre's:
+the product of two is the sum of two, so that all curvatures follow from twice as many moments as there are
+polynomials. With four sectors that takes 40 % of the time that products of all pairs take.
 """
 
 from dataclasses import dataclass
@@ -12,9 +15,13 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.polynomial.chebyshev import chebvander, poly2cheb
+from numpy.polynomial.legendre import leg2poly
 from numpy.typing import NDArray
+from scipy import linalg
 
 from psflut.evidence import Bank, scene_power
+from psflut.texture import TexturePrior, scaled, waves
 
 if TYPE_CHECKING:
     from psflut.kernels.lanes import Model
@@ -43,11 +50,14 @@ def integrate(power: Floats, noise: Floats, bank: Bank) -> Fit:
     from psflut.kernels import climbing, lanes
 
     places, own = np.arange(len(bank.attenuation)), model(bank, bank.attenuation)
-    theta, log_evidence = first_guess(power[None], noise[None], bank, bank.attenuation), np.empty((1, len(places)))
+    to, back = in_chebyshev(bank.prior)
+    theta = first_guess(power[None], noise[None], bank, bank.attenuation) @ to.T
+    log_evidence = np.empty((1, len(places)))
     summits = lanes.Summits(places[None], theta, log_evidence, np.full(1, -np.inf))
-    patches = lanes.Patches(*(np.array(each[None]) for each in (power, noise, own.shape)))
+    spread = bank.rings.spread
+    patches = lanes.Patches(spread(power[None], 1.0), spread(noise[None], 1.0), own.shape[None])
     climbing.climb(places, patches, summits, own, lanes.room(own))
-    return Fit(log_evidence[0], theta[0])
+    return Fit(log_evidence[0], theta[0] @ back.T)
 
 
 def first_guess(power: Floats, noise: Floats, bank: Bank, attenuation: Floats) -> Floats:
@@ -64,13 +74,36 @@ def model(bank: Bank, attenuation: Floats) -> "Model":
     """What the compiled search needs of a bank, with the attenuation (M, K) of its distances."""
     from psflut.kernels.lanes import Model
 
-    rows, columns = np.triu_indices(bank.basis.shape[1])
-    basis = np.array(bank.basis.T, order="C")
-    mean, precision = np.array(bank.prior.mean), np.array(bank.prior.precision)
-    shape = np.array(np.broadcast_to(bank.shape, len(bank.basis)))
-    functions = np.array(basis.T, order="C")
-    products, packed = functions[:, rows] * functions[:, columns], precision[rows, columns]
-    return Model(np.array(attenuation, order="C"), shape, basis, functions, products, mean, precision, packed)
+    rings, prior, terms = bank.rings, bank.prior, bank.prior.terms
+    polynomials = np.asarray(chebvander(scaled(rings.frequency), 2 * terms - 2).T, dtype=np.float64)
+    moments = np.ascontiguousarray(np.swapaxes(rings.spread(polynomials, 0.0), 0, 1))
+    first = np.unique(prior.first)
+    around = waves(np.pi * np.arange(rings.sectors) / rings.sectors)[:, : len(first) - 1]
+    to, back = in_chebyshev(prior)
+    precision = back.T @ prior.precision @ back
+    return Model(
+        rings.spread(attenuation, 0.0),
+        rings.spread(np.broadcast_to(bank.shape, len(rings.frequency)), 0.0),
+        np.ascontiguousarray(moments[:, :terms]),
+        np.ascontiguousarray(np.swapaxes(moments[:, :terms], 1, 2)),
+        moments,
+        *(np.ascontiguousarray(around), first),
+        *(to @ prior.mean, precision, precision[np.triu_indices(len(precision))]),
+    )
+
+
+def in_chebyshev(prior: TexturePrior) -> tuple[Floats, Floats]:
+    """(J, J) from coefficients theta to those of Chebyshev polynomials, and back."""
+    return _in_chebyshev(prior.terms, prior.turns)
+
+
+@lru_cache(maxsize=8)
+def _in_chebyshev(terms: int, turns: int) -> tuple[Floats, Floats]:
+    one = np.zeros((terms, terms))
+    for order, own in enumerate(np.eye(terms)):
+        one[: order + 1, order] = poly2cheb(leg2poly(own[: order + 1]))
+    to = linalg.block_diag(one, *[one[:turns, :turns]] * 3)
+    return to, np.linalg.inv(to)
 
 
 @lru_cache(maxsize=8)

@@ -57,5 +57,5 @@ def predict(problem: Problem, found: Grid, chain: Chain, seed: int) -> Predictio
     whole = found.bank.rings.whole
     power, noise, mean, drawn = (whole(each) for each in (found.power, found.noise, mean, drawn))
     counted = np.asarray(np.bincount(found.bank.rings.ring, shape), dtype=float)
-    usual = found.bank.prior.usual(len(found.power))
+    usual = found.bank.prior.usual(found.bank.rings.count)
     return Prediction(annuli(problem.shape).frequency, power, noise, counted, mean, drawn, usual)

@@ -87,9 +87,29 @@ class Annuli:
     effective: Floats
 
     @property
+    def count(self) -> int:
+        """Of whole annuli."""
+        return int(self.ring.max()) + 1
+
+    @property
     def place(self) -> Floats:
         """(K,) frequency in bins of the shorter side."""
         return self.frequency * min(self.shape)
+
+    @property
+    def sector(self) -> NDArray[np.intp]:
+        """(K,) number of the sector."""
+        return np.rint(self.direction * self.sectors / np.pi).astype(np.intp)
+
+    def spread(self, values: Floats, missing: float) -> Floats:
+        """Values by sector and annulus, (..., K) -> (..., sectors, annuli); `missing` where there is no bin."""
+        out = np.full((*values.shape[:-1], self.sectors, self.count), missing)
+        out[..., self.sector, self.ring] = values
+        return out
+
+    def listed(self, values: Floats) -> Floats:
+        """The same back: (..., sectors, annuli) -> (..., K)."""
+        return values[..., self.sector, self.ring]
 
     def mean(self, power: NDArray[np.floating]) -> Floats:
         """Average over each annulus of the whole plane: (..., H, W // 2 + 1) -> (..., K)."""
@@ -113,7 +133,7 @@ class Annuli:
         """The mean over each whole annulus of what is known of its sectors: (..., K) -> (..., annuli)."""
         if self.sectors == 1:
             return values
-        members = (self.ring == np.arange(self.ring.max() + 1)[:, None]) * self.bins
+        members = (self.ring == np.arange(self.count)[:, None]) * self.bins
         return np.asarray(values @ (members / members.sum(axis=1, keepdims=True)).T)
 
     def transformed(self, image: NDArray[np.floating]) -> NDArray[np.complexfloating]:

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from psflut.optics import blur_radius
-from psflut.roundness import sectors
 from psflut.sampling import advice
 from psflut.table import PSFTable
 from psflut.units import format_length
@@ -28,7 +27,6 @@ def summarise(table: PSFTable) -> dict[str, Any]:
         "noise": dataclasses.asdict(table.noise) if table.noise else None,
         "check": table.check,
         "sampling": advice(table),
-        "sectors": sectors(table),
         "provenance": dict(table.provenance),
     }
     if table.camera is not None:
@@ -53,7 +51,6 @@ def words(facts: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("imager", facts["imager"]),
         ("noise", _noise(facts)),
         *([("planes", facts["sampling"])] if facts["sampling"] else []),
-        *([("shape", f"not round: spectra are read in {facts['sectors']} sectors")] if facts["sectors"] > 1 else []),
         *_check(facts),
     ]
     camera = facts["camera"]

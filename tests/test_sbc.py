@@ -18,6 +18,7 @@ from scipy import stats
 from psflut import chain, evidence, texture
 from psflut.candidates import solve, solve_all
 from psflut.density import Density
+from psflut.estimators.posterior import Posterior
 from psflut.evidence import Bank
 from psflut.grid import Grid
 from psflut.imagers.plain import Plain
@@ -26,7 +27,7 @@ from psflut.optics import Camera
 from psflut.psfs.pupil import Pupil
 from psflut.table import PSFTable
 
-SIGMA, TOO_SMALL, BATCH = 0.005, 0.9, 50
+SIGMA, TOO_SMALL, BATCH, WALKERS = 0.005, 0.9, 50, Posterior().walkers
 REJECTED, COVERS = 0.001, (0.926, 0.971)
 
 
@@ -43,8 +44,8 @@ class Trials:
 
 def drawn(table, count, seed):
     """Trials of a table; no patch is discounted, as all suit the model."""
-    rng, prior = np.random.default_rng(seed), replace(texture.learnt(), misfit=texture.EVERY)
-    bank = evidence.bank(table, (128, 128), Plain(), prior, 100)
+    rng, prior = np.random.default_rng(seed), replace(texture.learnt().over(texture.SECTORS), misfit=texture.EVERY)
+    bank = evidence.bank(table, (128, 128), Plain(), prior, 100, texture.SECTORS)
     noise = evidence.noise_power(bank, Noise(SIGMA), 0.0)
     even = rng.uniform(bank.even.min(), bank.even.max(), count)
     theta = rng.multivariate_normal(prior.mean, prior.covariance, count)
@@ -74,7 +75,7 @@ def shares_of_emcee(trials, rng):
     """The same of (distance, first coefficients of the spectrum), from draws an autocorrelation time apart: (n, 4)."""
     out = []
     for k, (even, theta) in enumerate(zip(trials.even, trials.theta, strict=True)):
-        walk = chain.sample(found_by_the_grid(trials, k), 4000, 32, k)
+        walk = chain.sample(found_by_the_grid(trials, k), 4000, WALKERS, k)
         kept = walk.points[:: int(np.ceil(2 * walk.times.max()))].reshape(-1, walk.points.shape[2])[:, :4]
         below = np.sum(kept < np.r_[even, theta[:3]], axis=0)
         out.append((below + rng.random(4)) / (len(kept) + 1))
@@ -90,10 +91,12 @@ def shares_from_one_mode(trials, rng):
         found = found_by_the_grid(trials, k)
         side = np.flatnonzero(np.sign(found.even) == rng.choice([-1, 1]))
         best = side[np.argmax(found.fit.log_evidence[side])]
-        start = np.r_[found.even[best], found.fit.theta[best]] + 1e-4 * rng.standard_normal((32, 11))
+        start = np.r_[found.even[best], found.fit.theta[best]] + 1e-4 * rng.standard_normal(
+            (WALKERS, 1 + found.fit.theta.shape[1])
+        )
         start[:, 0] = np.clip(start[:, 0], found.even.min(), found.even.max())
         sampler = emcee.EnsembleSampler(
-            32, 11, chain.log_probability(found, False), moves=emcee.moves.DEMove(), vectorize=True
+            *start.shape, chain.log_probability(found, False), moves=emcee.moves.DEMove(), vectorize=True
         )
         sampler.run_mcmc(emcee.State(start, random_state=np.random.RandomState(k).get_state()), 400)
         out.append(np.mean(sampler.get_chain(discard=100, flat=True)[:, 0] < even))

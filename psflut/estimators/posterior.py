@@ -10,15 +10,15 @@ from psflut.chain import Chain, sample
 from psflut.density import Density, Mode, interval_of, mirrored, tails
 from psflut.errors import PsflutError
 from psflut.estimation import AbstractEstimator, Curve, Estimate, Outcome, Problem, judge
-from psflut.grid import Grid, grid, restored
+from psflut.grid import Grid, check_sectors, grid, restored
 from psflut.gross import moved
 from psflut.predictive import predict
-from psflut.roundness import check_sectors
+from psflut.texture import SECTORS
 
 Floats = NDArray[np.float64]
 
 MOST_WALKERS, MOST_DRAWS = 10_000, 10_000_000
-"""They are kept in memory: so many draws of seven numbers take 600 MB."""
+"""They are kept in memory: so many draws of 20 numbers take 1.6 GB."""
 
 
 @dataclass(frozen=True)
@@ -41,8 +41,7 @@ class Posterior(AbstractEstimator):
     steps : int
         Of each walker, at most: the chain ends once it is 50 autocorrelation times long.
     walkers : int
-        Even, at least twice the dimensions. With spectra by direction more are taken by themselves, as these have
-        more coefficients.
+        Even, at least twice the dimensions, of which there are 20, 21 with ln sigma.
     seed : int
     candidates : int
         Of the grid that starts the walkers.
@@ -51,10 +50,10 @@ class Posterior(AbstractEstimator):
     """
 
     steps: int = 4000
-    walkers: int = 32
+    walkers: int = 42
     seed: int = 0
     candidates: int = 200
-    sectors: int = 0
+    sectors: int = SECTORS
 
     def __post_init__(self) -> None:
         check_sectors(self.sectors)
@@ -73,14 +72,8 @@ class Posterior(AbstractEstimator):
         """See `AbstractEstimator`."""
         found = grid(problem, self.candidates, self.sectors)
         free = problem.noise_source == "image"
-        walkers = max(self.walkers, self._least(found, free)) if found.bank.rings.sectors > 1 else self.walkers
-        chain = sample(found, self.steps, walkers, self.seed, free)
+        chain = sample(found, self.steps, self.walkers, self.seed, free)
         return self._estimate(problem, found, chain)
-
-    @staticmethod
-    def _least(found: Grid, free_noise: bool) -> int:
-        """Walkers that the coefficients of spectra by direction need."""
-        return 2 * (1 + len(found.bank.prior.mean) + int(free_noise))
 
     def _estimate(self, problem: Problem, found: Grid, chain: Chain) -> Estimate:
         drawn = chain.points[:, :, 0].ravel()

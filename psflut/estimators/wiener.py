@@ -2,10 +2,10 @@
 
 from dataclasses import dataclass
 
-from psflut import roundness
 from psflut.budget import budget
 from psflut.estimation import AbstractEstimator, Curve, Estimate, Problem, conclude
-from psflut.grid import grid, restored
+from psflut.grid import check_sectors, grid, restored
+from psflut.texture import SECTORS
 
 
 @dataclass(frozen=True)
@@ -25,16 +25,15 @@ class Wiener(AbstractEstimator):
         Distances over the table's span, evenly in vergence, at which the optics' transfer is worked out. Splines serve
         between them: 100 moved an interval's end by up to half its sigma, 200 by 0.06.
     sectors : int
-        Into which the annuli of the spectrum are cut: 1, 4, or 0 for 4 only where PSFs are far from round
-        (`psflut.roundness`). 4 takes 1 ms more a patch of 128 pixels and tells more of any
-        scene: through a lens without aberrations medians are a fifth smaller.
+        Into which the annuli of the spectrum are cut: 4, or 1 for whole annuli, which take a third of the time, err a
+        fifth more through a lens without aberrations, and fail with PSFs that are far from round (`psflut.evidence`).
     """
 
     candidates: int = 200
-    sectors: int = 0
+    sectors: int = SECTORS
 
     def __post_init__(self) -> None:
-        roundness.check_sectors(self.sectors)
+        check_sectors(self.sectors)
 
     def solve(self, problem: Problem) -> Estimate:
         """See `AbstractEstimator`."""

@@ -76,9 +76,9 @@ def explore(power: Floats, noise: Floats, share: Floats, model: Model, found: Fo
     """Look at distances of every patch until none is left that would surprise by more nats than that.
 
     What is found already is worked out anew where shapes count for a share (B,) below 1, or where it never was. Power
-    and noise are (B, K).
+    and noise are (B, S, R), by sector and annulus.
     """
-    patches = Patches(power, noise, share[:, None] * model.shape)
+    patches = Patches(power, noise, share[:, None, None] * model.shape)
     _explore(patches, share, model, found, surprise, np.empty(found.place.size, np.int64), room(model))
 
 

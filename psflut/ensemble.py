@@ -4,13 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import interp1d
 
 from psflut import evidence, fourier
 from psflut.covariance import covariance
 from psflut.imagers import Imager
 from psflut.noise import Noise
-from psflut.spectrum import annuli
+from psflut.spectrum import Annuli, annuli
 from psflut.table import PSFTable
 from psflut.texture import TexturePrior, basis
 
@@ -23,8 +22,8 @@ DRAWS, SEED = 200, 0
 """Of scenes from the prior."""
 
 SPARSE = 2
-"""Steps between positions at which the covariance of annuli is worked out: it changes as zeros of the transfer function
-move, by a quarter of an annulus in so many."""
+"""Steps between positions at which the information of textures is worked out: it changes as zeros of the transfer
+function move, by a quarter of an annulus in so many."""
 
 REFERENCE, SLOWEST = (128, 128), 2.5 / 128
 """A patch over which contrast is meant, and frequencies (cycles a pixel) below which none is counted: the prior hardly
@@ -83,30 +82,36 @@ class Textures:
         variances = self._variances(self.spectra, position)[:, None]
         return sensor.power(self.bank.imager, LEVEL, variances, self.bank.white)
 
+    @property
+    def places(self) -> NDArray[np.intp]:
+        """(m,) of the positions every `SPARSE`th, and the last."""
+        return np.unique(np.r_[0 : len(self.bank.even) : SPARSE, len(self.bank.even) - 1])
+
     def scatter(self, sensor: Sensor) -> Floats:
-        """(M, K, K) relative covariance of the powers, of captures of the typical scene; of every `SPARSE`th position,
-        linear between."""
-        rings = annuli(self.shape)
-        coefficients = basis(np.maximum(fourier.frequency(rings.doubled), rings.frequency[0]), len(self.typical))
+        """(m, K, K) relative covariance of the powers, of captures of the typical scene, at `places`."""
+        rings, prior = self.bank.rings, self.bank.prior
+        frequency = np.maximum(fourier.frequency(rings.doubled), rings.frequency.min())
+        coefficients = prior.basis(frequency.ravel(), fourier.direction(rings.doubled).ravel())
         response = sensor.imager.transfer(rings.doubled) ** 2
-        scene, own = np.exp(coefficients @ self.typical) * response, np.exp(self.bank.basis @ self.typical)
-        places, found = np.unique(np.r_[0 : len(self.bank.even) : SPARSE, len(self.bank.even) - 1]), []
-        for position in places:
+        scene = np.exp(coefficients @ self.typical).reshape(response.shape) * response
+        own = np.exp(self.bank.basis @ self.typical)
+        found = []
+        for position in self.places:
             power = self.table.power(rings.doubled, self.table.position(self.bank.even[position]))
             noise = sensor.power(response, LEVEL, self._variances(own[None], position))
-            found.append(covariance(self.shape, scene * power + noise))
-        return np.asarray(interp1d(places, np.array(found), axis=0)(np.arange(len(self.bank.even))))
+            found.append(covariance(rings, scene * power + noise))
+        return np.array(found)
 
     def _variances(self, spectra: Floats, position: int) -> Floats:
         """(D,) variances of the captures of spectra (D, K)."""
-        return _variance(spectra * self.bank.attenuation[position], self.shape)
+        return _variance(spectra * self.bank.attenuation[position], self.bank.rings)
 
 
 def textures(
     table: PSFTable, shape: tuple[int, int], imager: Imager, prior: TexturePrior, gain: float, count: int
 ) -> Textures:
     """Scenes for `count` positions over the table, their contrast the prior's median times a gain."""
-    bank = evidence.bank(table, shape, imager, prior, count)
+    bank = evidence.bank(table, shape, imager, prior, count, prior.sectors)
     theta = np.random.default_rng(SEED).multivariate_normal(prior.mean, prior.covariance, size=DRAWS)
     theta[:, 0] = prior.mean[0] + 2.0 * np.log(gain)
     typical = np.append(theta[0, 0], prior.mean[1:])
@@ -116,12 +121,11 @@ def textures(
 def contrast(prior: TexturePrior, imager: Imager) -> float:
     """Standard deviation of the ideal image with the prior's mean spectrum, what is slower than `SLOWEST` left out."""
     rings, shape = annuli(REFERENCE), REFERENCE
-    spectrum = np.exp(basis(rings.frequency, len(prior.mean)) @ prior.mean)
-    return float(np.sqrt(_variance(spectrum * rings.mean(imager.transfer(shape) ** 2), shape)))
+    spectrum = np.exp(basis(rings.frequency, prior.terms) @ prior.mean[: prior.terms])
+    return float(np.sqrt(_variance(spectrum * rings.mean(imager.transfer(shape) ** 2), rings)))
 
 
-def _variance(power: Floats, shape: tuple[int, int]) -> Floats:
+def _variance(power: Floats, rings: Annuli) -> Floats:
     """Variance of a patch from its power spectrum (..., K), what is slower than `SLOWEST` left out: (...)."""
-    rings = annuli(shape)
     fast = rings.frequency > SLOWEST
     return np.asarray(np.average(power[..., fast], axis=-1, weights=rings.effective[fast]))

@@ -7,18 +7,18 @@ of the scene projected out. The noise of `known` and `point` is Gaussian, its va
 import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicSpline, interp1d
 
 from psflut.ensemble import Sensor, Textures
 from psflut.fourier import transfer
-from psflut.spectrum import annuli
 from psflut.table import PSFTable
 
 Floats = NDArray[np.float64]
 
 
 def of_texture(scenes: Textures, sensor: Sensor) -> Floats:
-    """(M, D) information of the annuli's powers, the prior on the spectrum being all that is known of a scene.
+    """(M, D) information of the annuli's powers, the prior on the spectrum being all that is known of a scene; linear
+    in the logarithm between the ensemble's `places`.
 
     With s_k = S_k |L|^2_k T_k / V_k and X = s [d ln T / de, P_0 .. P_J], (K, 1 + J), it is X' C^-1 X, C the relative
     covariance of the powers; the prior's precision is added to the block of the coefficients, which is projected out.
@@ -26,25 +26,25 @@ def of_texture(scenes: Textures, sensor: Sensor) -> Floats:
     out; powers are so nearly normal in the logarithm that what V tells by their variance is left out too.
     """
     bank, prior = scenes.bank, scenes.bank.prior
-    scatter = scenes.scatter(sensor) + np.diag(prior.unevenness(annuli(scenes.shape).place))
+    scatter = scenes.scatter(sensor) + np.diag(prior.unevenness(bank.rings.place))
     order = np.argsort(bank.even)
     slopes = CubicSpline(bank.even[order], bank.attenuation[order])(bank.even, 1)
     rows = []
-    for position, (kept, slope, inverse) in enumerate(
-        zip(bank.attenuation, slopes, np.linalg.inv(scatter), strict=True)
-    ):
+    for position, inverse in zip(scenes.places, np.linalg.inv(scatter), strict=True):
+        kept, slope = bank.attenuation[position], slopes[position]
         noise = scenes.noise(sensor, position)
         mean = (scenes.spectra * kept + noise)[..., None]
         towards = np.column_stack([slope, kept[:, None] * bank.basis])
         change = scenes.spectra[..., None] * towards / mean
         found = change.transpose(0, 2, 1) @ (inverse @ change)
         rows.append(_projected(found, prior.precision))
-    return np.array(rows)
+    told = np.log(np.maximum(rows, np.finfo(float).tiny))
+    return np.asarray(np.exp(interp1d(scenes.places, told, axis=0)(np.arange(len(bank.even)))))
 
 
 def of_known_scene(scenes: Textures, sensor: Sensor) -> Floats:
     """(M, D) information of a patch of a scene that is known, also beyond the border: sum of S |L dH/de|^2 / N."""
-    rings = annuli(scenes.shape)
+    rings = scenes.bank.rings
     bins = np.bincount(rings.index.ravel(), _twice(scenes.shape).ravel())[:-1]
     response = sensor.imager.transfer(scenes.shape) ** 2
     rows = []

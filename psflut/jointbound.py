@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from scipy import linalg
 
 from psflut.estimation import Problem
-from psflut.fourier import frequency, once, slopes, transfer
+from psflut.fourier import direction, frequency, once, slopes, transfer
 from psflut.pair import Spectrum, paired
 from psflut.spectrum import annuli
-from psflut.texture import FREQUENCIES, TexturePrior, basis
+from psflut.texture import FREQUENCIES, TexturePrior
 
 Floats = NDArray[np.float64]
 
@@ -43,7 +43,7 @@ def bound(first: Problem, second: Problem, even: float, theta: Floats, prior: Te
         Exposure of the second image over that of the first.
     """
     span = np.sort(first.table.even(first.table.span))
-    step, shape, rings = STEP * float(np.ptp(span)), first.shape, annuli(first.shape)
+    step, shape, rings = STEP * float(np.ptp(span)), first.shape, annuli(first.shape, prior.sectors)
     low, high = np.clip([even - step, even + step], *span)
     response = first.imager.transfer(shape) ** 2
     b = _whitened(first, second, even, gain, response)
@@ -51,8 +51,8 @@ def bound(first: Problem, second: Problem, even: float, theta: Floats, prior: Te
         high - low
     )
     total = np.sum(np.abs(b) ** 2, axis=0)
-    radius = frequency(shape)
-    scene = np.exp(basis(np.maximum(radius, FREQUENCIES[0]).ravel(), len(theta)) @ theta).reshape(radius.shape)
+    radius = np.maximum(frequency(shape), FREQUENCIES[0])
+    scene = np.exp(prior.basis(radius.ravel(), direction(shape).ravel()) @ theta).reshape(radius.shape)
     snr = scene * response * total
     share = snr / (1 + snr)
 
@@ -66,7 +66,7 @@ def bound(first: Problem, second: Problem, even: float, theta: Floats, prior: Te
     lengths = 2 * np.real(np.stack([np.sum(b.conj() * slope, axis=0), np.abs(b[1]) ** 2])) / total
     by_place, by_gain = rings.mean(lengths * share) / rings.mean(share)
     still = np.zeros_like(by_gain)
-    change = np.column_stack([by_place, by_gain, still, still, basis(rings.frequency, len(theta))])
+    change = np.column_stack([by_place, by_gain, still, still, prior.basis(rings.frequency, rings.direction)])
     information += (change.T * (prior.shape(rings.effective, rings.place) * rings.mean(share) ** 2)) @ change
     information[4:, 4:] += prior.precision
     return float(np.sqrt(linalg.inv(information)[0, 0]))

@@ -12,11 +12,11 @@ bound, which averages the information instead, is lower, and out of reach where 
 on lab16mm.) The table is taken as free of errors and the distance as free of a prior; what a prior over the table's
 span adds is `Limits.within`.
 
-It is a local bound: where it changes much within its own width no method can reach it. At 4.1 m on lab16mm it is 3.8 %,
-and three times that 0.3 m further; powers drawn from the model itself are read with 5.4 %, biased to the far side.
+It is a local bound: where it changes much within its own width no method can reach it. At 4.1 m on lab16mm it is 2.7 %,
+and three times that 0.3 m further; scenes of the model itself are read with 4.8 %, biased to the far side.
 
 Scenes are stationary Gaussian fields here. Photographs are not: their powers scatter more
-(`TexturePrior.roughness`). ``prior=texture.learnt()`` has this counted.
+(`TexturePrior.roughness`). ``prior=texture.learnt().over(texture.SECTORS)`` has this counted.
 """
 
 from dataclasses import dataclass, replace
@@ -116,7 +116,8 @@ def bound(
         See `Limits`. None: that of the prior's mean spectrum; `NORMALISED_CONTRAST` where the set-up behind the table
         normalises; 1, full scale, for a point.
     prior : TexturePrior or None
-        None: the learnt one, with scenes as stationary Gaussian fields.
+        None: the learnt one, of unknown scenes over sectors, with scenes as stationary Gaussian fields. One for whole
+        annuli gives the bound of methods that read these.
     relative : bool
         Whether ``noise.read ** 2`` is in units of the noiseless capture's variance (the thesis' second reading).
 
@@ -141,7 +142,8 @@ def bound(
     else:
         if contrast is None and setup_of(table).normalise:
             contrast = NORMALISED_CONTRAST
-        prior = prior or replace(texture.learnt(), roughness=0.0)
+        sectors = texture.SECTORS if scene == "unknown" else 1
+        prior = prior or replace(texture.learnt().over(sectors), roughness=0.0)
         median = ensemble.contrast(prior, imager)
         contrast = contrast or median
         scenes = ensemble.textures(table, shape, imager, prior, contrast / median, COUNT)

@@ -48,7 +48,6 @@ def run(
     from psflut.capture import setup_of
     from psflut.limits import bound
     from psflut.noise import parse_noise
-    from psflut.roundness import sectors
     from psflut.store import read_table
 
     if figure is not None:
@@ -70,11 +69,6 @@ def run(
     if text is None:
         console.say(f"the table holds no noise: {NOISE} is taken; pass --noise where it is known")
     console.say_what_wins(tabled, noise, imager)
-    if scene == "unknown" and sectors(tabled) > 1:
-        console.say(
-            "this table is not round, and wiener and posterior read it by direction: they may pass this bound, "
-            "which is that of whole annuli"
-        )
     if figure is not None:
         from psflut.plots import limits, save
 

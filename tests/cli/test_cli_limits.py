@@ -2,12 +2,7 @@
 
 import json
 
-import numpy as np
 import pytest
-
-from psflut.psfs.pupil import Pupil
-from psflut.store import read_table, write_table
-from psflut.table import PSFTable
 
 SMALL = ("--table", "lab16mm", "--patch-size", "64")
 
@@ -55,16 +50,6 @@ def test_the_set_up_of_the_table_is_used_and_what_wins_is_said(bound):
     assert same == fixed
     other, _ = bound("--table", "thesis", "--patch-size", "64", "--noise", "relative:1e-3")
     assert other[50]["crb_m"] < 0.5 * fixed[50]["crb_m"]
-
-
-def test_a_table_that_is_not_round_may_be_read_past_the_bound_of_whole_annuli(bound, tmp_path):
-    whole = read_table("lab16mm")
-    lens, axis = Pupil(zernikes=((2, 2, 0.25),)), whole.axis[::8]
-    psf = np.stack([lens(whole.camera, float(z), whole.size) for z in axis])
-    write_table(PSFTable(axis, psf, whole.pixel_pitch, camera=whole.camera), tmp_path / "uneven.zarr.zip")
-    words = ("--table", tmp_path / "uneven.zarr.zip", "--patch-size", "64", "--noise", "0.005")
-    assert "not round" in bound(*words)[1]
-    assert "not round" not in bound(*words, "--scene", "known")[1]
 
 
 def test_a_person_reads_a_table_and_where_it_is_good_and_blind(psflut, tmp_path):

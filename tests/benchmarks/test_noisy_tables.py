@@ -23,7 +23,7 @@ from psflut.table import PSFTable
 
 pytestmark = pytest.mark.benchmark
 DISTANCES = (1.01, 1.19, 1.43, 1.73, 2.09, 2.71)
-SHORT = pytest.mark.xfail(reason="79 to 92 % instead of 99: what cutting and smoothing move is in no standard error")
+SHORT = pytest.mark.xfail(reason="86 to 88 % instead of 95: so much noise moves more than errors to first order say")
 DENSE = (64, 0.0, "exact")
 
 
@@ -86,9 +86,9 @@ def test_a_dense_exact_table_is_read_as_ever(dense):
 @pytest.mark.parametrize(
     "case",
     [
-        pytest.param((20, 0.1, "cut"), marks=SHORT),
+        (20, 0.1, "cut"),
         pytest.param((20, 0.2, "cut"), marks=SHORT),
-        pytest.param((20, 0.1, "smooth"), marks=SHORT),
+        (20, 0.1, "smooth"),
         pytest.param((20, 0.2, "smooth"), marks=SHORT),
         (10, 0.0, "exact"),
         (8, 0.0, "exact"),

@@ -156,6 +156,7 @@ def test_pairs_that_make_no_sense_are_refused(lab16mm, small, scene):
         (sharp[:100], small, "same patch"),
         (sharp, far, "in common"),
         (sharp, coarse, "pixel pitch"),
+        (wide, small, "one capture twice"),
     ):
         with pytest.raises(PsflutError, match=words):
             estimate(pair(wide, second, table), lab16mm, "two_image")

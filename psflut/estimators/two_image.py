@@ -62,6 +62,10 @@ class TwoImage(AbstractEstimator):
         span = overlap(problem.table, second.table)
         if problem.is_flat and second.is_flat:
             return nothing_to_see(problem, span)
+        if np.array_equal(problem.image, second.image):
+            raise PsflutError(
+                "two_image compares two captures, each with noise of its own, got one capture twice; give another one"
+            )
         found = join(problem, second, self.candidates)
         down, across = map(float, found.shift)
         return conclude(

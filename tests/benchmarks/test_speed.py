@@ -27,7 +27,6 @@ from psflut.grid import grid
 from psflut.imagers.plain import Plain
 from psflut.noise import Noise
 from psflut.problem import Problem
-from psflut.spectrum import annular_power
 
 pytestmark = pytest.mark.benchmark
 NOISE, PATCHES, BATCH, ROUNDS = Noise(0.005), 128, 16, 7
@@ -76,13 +75,13 @@ def test_a_patch_of_128_pixels_against_the_whole_table(lab16mm, lab_patch):
     rng = np.random.default_rng(0)
     distances = rng.uniform(0.9, 4.5, PATCHES)
     shots = np.stack([capture(lab_patch, psf_of(lab16mm, z), NOISE, rng, imager=Plain()) for z in distances])
-    bank = evidence.bank(lab16mm, (128, 128), Plain(), texture.learnt(), 200)
+    bank = evidence.bank(lab16mm, (128, 128), Plain(), texture.learnt(), 200, texture.SECTORS)
     noise = np.tile(evidence.noise_power(bank, NOISE, 0.5), (PATCHES, 1))
 
     def batches():
         for first in range(0, PATCHES, BATCH):
             some = slice(first, first + BATCH)
-            solve_all(annular_power(shots[some]), noise[some], bank)
+            solve_all(bank.rings.power(shots[some]), noise[some], bank)
 
     batches()
     reference, ours = seconds(transforms(shots)) / PATCHES, seconds(batches) / PATCHES
@@ -142,7 +141,7 @@ def test_the_posterior(lab16mm, lab_patch):
     own = Posterior()
     found = grid(problem, own.candidates)
     steps = len(chain.sample(found, own.steps, own.walkers, own.seed).points)
-    start, log = chain._start(found, own.walkers, False, np.random.default_rng(0)), chain.log_probability(found, False)
+    start, log = chain._start(found, None, own.walkers, np.random.default_rng(0)), chain.log_probability(found, False)
 
     def plain():
         sampler = emcee.EnsembleSampler(*start.shape, lambda point: log(point[None])[0])

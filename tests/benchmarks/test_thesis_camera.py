@@ -30,7 +30,7 @@ def scenes():
 
 
 SOFT = (
-    "2.1 times the bound, 88 % covered: at 7 cm it is how soft a photograph itself is that tells, brick and retina most"
+    "2.0 times the bound, 82 % covered: at 7 cm it is how soft a photograph itself is that tells, brick and retina most"
 )
 
 

@@ -85,7 +85,7 @@ plots.curves({method: [found] for method, found in results.items()}, [TRUTH])
 # %%
 wiener, posterior = results["wiener"], results["posterior"]
 print(f"wiener    {wiener.distance:.4f} m   posterior {posterior.distance:.4f} m")
-print(f"misfit {wiener.stats['misfit']:.2f} (0.2 is usual)")
+print(f"misfit {wiener.stats['misfit']:.2f} (0.5 is usual)")
 print(f"{posterior.stats['effective_samples']:.0f} effective samples")
 
 # %% [markdown]

@@ -53,7 +53,7 @@ def table_of(f_number, focus=6.0, waves=0.0):
 
 def limit(table):
     """The bound for scenes like photographs, of which only the prior is known."""
-    return bound(table, (SIDE, SIDE), NOISE, Plain(), prior=texture.learnt())
+    return bound(table, (SIDE, SIDE), NOISE, Plain(), prior=texture.learnt().over(texture.SECTORS))
 
 
 def percent(table):

@@ -37,18 +37,18 @@ PLACE, GOAL, NOISE = 2.0, 0.5, Noise(read=0.005)
 NEAR, FAR = 1.5, 2.7
 
 
-def table_of(f_number, focus=6.0, waves=0.0):
+def table_of(f_number, focus=6.0, waves=0.0, planes=16):
     """A table around 2 m of a 16 mm lens with 6 um pixels and so many waves of spherical aberration."""
     lens = Camera.of(16e-3, 6e-6, f_number=f_number, focus_distance=focus)
-    axis = 1 / np.linspace(1 / NEAR, 1 / FAR, 16)
+    axis = 1 / np.linspace(1 / NEAR, 1 / FAR, planes)
     size = 2 * int(np.ceil(1.4 * np.abs(blur_radius(lens, axis)).max() / lens.pixel_pitch + 6)) + 1
     model = Pupil(zernikes=((4, 0, waves),))
     made = {
         "model": "pupil",
         "settings": {"zernikes": model.zernikes},
     }  # captures will come from it, not from the table
-    planes = np.stack([model(lens, z, size) for z in axis])
-    return PSFTable(axis, planes, lens.pixel_pitch, camera=lens, provenance=made)
+    psf = np.stack([model(lens, z, size) for z in axis])
+    return PSFTable(axis, psf, lens.pixel_pitch, camera=lens, provenance=made)
 
 
 def limit(table):
@@ -126,7 +126,7 @@ aberrations = np.array([[percent(table_of(stop, focus, each)) for each in waves]
 sheet(aberrations, [f"f/{stop:g}, {focus:g} m"], [f"{each:+g}" for each in waves], "", "spherical aberration (waves)")
 
 # %%
-chosen = table_of(stop, focus, waves[int(np.argmin(aberrations))])
+chosen = table_of(stop, focus, waves[int(np.argmin(aberrations))], planes=48)  # to be read, not only for its bound
 print(f"f/{stop:g}, focused at {focus:g} m, {waves[int(np.argmin(aberrations))]:+g} waves: {aberrations.min():.2f} %")
 plots.psfs(chosen)
 

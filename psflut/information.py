@@ -36,7 +36,8 @@ def of_texture(scenes: Textures, sensor: Sensor) -> Floats:
         mean = (scenes.spectra * kept + noise)[..., None]
         towards = np.column_stack([slope, kept[:, None] * bank.basis])
         change = scenes.spectra[..., None] * towards / mean
-        found = change.transpose(0, 2, 1) @ (inverse @ change)
+        weighted = np.tensordot(change, inverse, (1, 0))  # (D, 1 + J, K), in one product
+        found = weighted @ change
         rows.append(_projected(found, prior.precision))
     told = np.log(np.maximum(rows, np.finfo(float).tiny))
     return np.asarray(np.exp(interp1d(scenes.places, told, axis=0)(np.arange(len(bank.even)))))

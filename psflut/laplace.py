@@ -78,7 +78,7 @@ def model(bank: Bank, attenuation: Floats) -> "Model":
     polynomials = np.asarray(chebvander(scaled(rings.frequency), 2 * terms - 2).T, dtype=np.float64)
     moments = np.ascontiguousarray(np.swapaxes(rings.spread(polynomials, 0.0), 0, 1))
     first = np.unique(prior.first)
-    around = waves(np.pi * np.arange(rings.sectors) / rings.sectors)[:, : len(first) - 1]
+    around = waves(np.pi * np.arange(rings.sectors) / rings.sectors)[:, : len(first) - 1].round(12)  # noughts are 0
     to, back = in_chebyshev(prior)
     precision = back.T @ prior.precision @ back
     return Model(

@@ -86,7 +86,7 @@ class Annuli:
     direction: Floats
     effective: Floats
 
-    @property
+    @cached_property
     def count(self) -> int:
         """Of whole annuli."""
         return int(self.ring.max()) + 1
@@ -96,7 +96,7 @@ class Annuli:
         """(K,) frequency in bins of the shorter side."""
         return self.frequency * min(self.shape)
 
-    @property
+    @cached_property
     def sector(self) -> NDArray[np.intp]:
         """(K,) number of the sector."""
         return np.rint(self.direction * self.sectors / np.pi).astype(np.intp)
